@@ -1,4 +1,4 @@
-"""Contacts of one's own: one with a state, one that turns with a cage, one that turns with the shaft."""
+"""Contacts of one's own, with states and with angles, for tests of laws."""
 
 from typing import ClassVar
 
@@ -10,11 +10,11 @@ from jaxrotor.effects.base import AbstractContact
 from jaxrotor.effects.law import AbstractLaw, AbstractSmoothLaw, Hardness
 
 
-class WornStop(AbstractContact):
+class WornRim(AbstractContact):
     """Stop along x that a rim wears: `F = -k (x - g - w)`, `w. = -c F (Omega R + y.)`."""
 
-    kind: ClassVar[str] = "worn_stop"
-    plural: ClassVar[str] = "worn_stops"
+    kind: ClassVar[str] = "worn_rim"
+    plural: ClassVar[str] = "worn_rims"
 
     at: Scalar = nonnegative("at [m]")
     gap: Scalar = nonnegative("gap [m]")
@@ -29,11 +29,11 @@ class WornStop(AbstractContact):
 
 
 class WornLaw(AbstractLaw):
-    """Law of a `WornStop`."""
+    """Law of a `WornRim`."""
 
     states: ClassVar[tuple[str, ...]] = ("depth [m]",)
 
-    stop: WornStop
+    stop: WornRim
 
     @property
     def elementwise(self):
@@ -75,11 +75,11 @@ class WornLaw(AbstractLaw):
         return self.stop.gap - displacement[0]
 
 
-class CageForce(AbstractContact):
+class TurningForce(AbstractContact):
     """Force that turns with a cage: `F = f exp(i r theta)`."""
 
-    kind: ClassVar[str] = "cage_force"
-    plural: ClassVar[str] = "cage_forces"
+    kind: ClassVar[str] = "turning_force"
+    plural: ClassVar[str] = "turning_forces"
 
     at: Scalar = nonnegative("at [m]")
     force: Scalar = nonnegative("force [N]")
@@ -88,13 +88,13 @@ class CageForce(AbstractContact):
     on: str | None = eqx.field(default=None, static=True)
 
     def law(self):
-        return CageLaw(self.force, self.ratio, self.angle)
+        return TurningLaw(self.force, self.ratio, self.angle)
 
 
-class CageLaw(AbstractSmoothLaw):
-    """Law of a `CageForce`."""
+class TurningLaw(AbstractSmoothLaw):
+    """Law of a `TurningForce`."""
 
-    clock: ClassVar = "cage"
+    clock: ClassVar = "turns"
 
     force: Scalar
     ratio: Scalar
@@ -134,7 +134,7 @@ class ShaftForce(AbstractContact):
 class ShaftLaw(AbstractSmoothLaw):
     """Law of a `ShaftForce`."""
 
-    clock: ClassVar = "shaft"
+    clock: ClassVar = "revolution"
 
     moment: Scalar
 
@@ -148,3 +148,166 @@ class ShaftLaw(AbstractSmoothLaw):
     def hardness(self):
         zero = jnp.zeros_like(self.moment)
         return Hardness(zero, zero, jnp.zeros(2), zero)
+
+
+class Counter(AbstractContact):
+    """No force; states that grow by a rate and by twice of it."""
+
+    kind: ClassVar[str] = "counter"
+    plural: ClassVar[str] = "counters"
+
+    at: Scalar = nonnegative("at [m]")
+    rate: Scalar = nonnegative("rate [rad/s]")
+    angle: Scalar = real("angle [rad]", default=0.0)
+    on: str | None = eqx.field(default=None, static=True)
+
+    def law(self):
+        return CounterLaw(self.rate)
+
+
+class CounterLaw(AbstractSmoothLaw):
+    """Law of a `Counter`."""
+
+    states: ClassVar[tuple[str, ...]] = ("once [rad]", "twice [rad]")
+
+    rate: Scalar
+
+    def __call__(self, displacement, velocity, now):
+        return jnp.zeros(2)
+
+    def rates(self, force, displacement, velocity, now):
+        return self.rate * jnp.array([1.0, 2.0])
+
+    def torque(self, force, displacement, velocity, now):
+        return jnp.zeros(())
+
+    def hardness(self):
+        zero = jnp.zeros_like(self.rate)
+        return Hardness(zero, zero, jnp.zeros(2), zero)
+
+
+class OtherCounter(AbstractContact):
+    """The same as another kind, whose law has another structure."""
+
+    kind: ClassVar[str] = "other_counter"
+    plural: ClassVar[str] = "other_counters"
+
+    at: Scalar = nonnegative("at [m]")
+    rate: Scalar = nonnegative("rate [rad/s]")
+    angle: Scalar = real("angle [rad]", default=0.0)
+    on: str | None = eqx.field(default=None, static=True)
+
+    def law(self):
+        return OtherLaw(CounterLaw(self.rate))
+
+
+class OtherLaw(AbstractSmoothLaw):
+    """Law of an `OtherCounter`."""
+
+    states: ClassVar[tuple[str, ...]] = CounterLaw.states
+
+    inner: CounterLaw
+
+    def __call__(self, displacement, velocity, now):
+        return self.inner(displacement, velocity, now)
+
+    def rates(self, force, displacement, velocity, now):
+        return self.inner.rates(force, displacement, velocity, now)
+
+    def torque(self, force, displacement, velocity, now):
+        return jnp.zeros(())
+
+    def hardness(self):
+        return self.inner.hardness()
+
+
+class Forgetful(AbstractContact):
+    """Contact whose law has a state and no rates."""
+
+    kind: ClassVar[str] = "forgetful"
+    plural: ClassVar[str] = "forgetfuls"
+
+    at: Scalar = nonnegative("at [m]")
+    rate: Scalar = nonnegative("rate [rad/s]")
+    angle: Scalar = real("angle [rad]", default=0.0)
+    on: str | None = eqx.field(default=None, static=True)
+
+    def law(self):
+        return ForgetfulLaw(CounterLaw(self.rate))
+
+
+class ForgetfulLaw(AbstractSmoothLaw):
+    """Law of a `Forgetful`."""
+
+    states: ClassVar[tuple[str, ...]] = ("once [rad]",)
+
+    inner: CounterLaw
+
+    def __call__(self, displacement, velocity, now):
+        return self.inner(displacement, velocity, now)
+
+    def torque(self, force, displacement, velocity, now):
+        return jnp.zeros(())
+
+    def hardness(self):
+        return self.inner.hardness()
+
+
+class TurningStop(AbstractContact):
+    """Stop that turns with the shaft: `F = -k (u - g) exp(i theta)`, `u = Re(z exp(-i theta)) > g`."""
+
+    kind: ClassVar[str] = "turning_stop"
+    plural: ClassVar[str] = "turning_stops"
+
+    at: Scalar = nonnegative("at [m]")
+    gap: Scalar = nonnegative("gap [m]")
+    stiffness: Scalar = nonnegative("stiffness [N/m]")
+    angle: Scalar = real("angle [rad]", default=0.0)
+    on: str | None = eqx.field(default=None, static=True)
+
+    def law(self):
+        return TurningStopLaw(self.gap, self.stiffness)
+
+
+class TurningStopLaw(AbstractLaw):
+    """Law of a `TurningStop`."""
+
+    clock: ClassVar = "revolution"
+
+    gap: Scalar
+    stiffness: Scalar
+
+    @property
+    def elementwise(self):
+        return True
+
+    @property
+    def kinked(self):
+        return True
+
+    def _depth(self, displacement, now):
+        cos, sin = jnp.cos(now.angle), jnp.sin(now.angle)
+        return cos * displacement[0] + sin * displacement[1] - self.gap
+
+    def __call__(self, displacement, velocity, now):
+        return self.along(self.branch(displacement, velocity, now), displacement, velocity, now)
+
+    def torque(self, force, displacement, velocity, now):
+        return jnp.zeros(())
+
+    def hardness(self):
+        zero = jnp.zeros_like(self.stiffness)
+        return Hardness(self.stiffness, zero, jnp.zeros(2), zero)
+
+    def branch(self, displacement, velocity, now):
+        return jnp.stack([jnp.where(self._depth(displacement, now) > 0, 1.0, 0.0)])
+
+    def along(self, branch, displacement, velocity, now):
+        force = -self.stiffness * branch[0] * self._depth(displacement, now)
+        return force * jnp.stack([jnp.cos(now.angle), jnp.sin(now.angle)])
+
+    def margins(self, branch, displacement, velocity, now):
+        return jnp.stack([(2 * branch[0] - 1) * self._depth(displacement, now)])
+
+    def clearance(self, displacement):
+        return self.gap - jnp.sqrt(displacement[0] ** 2 + displacement[1] ** 2)

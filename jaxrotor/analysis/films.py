@@ -21,7 +21,7 @@ from ..effects.law import Now
 from ..equations.pencil import Pencil, check_axes, frame, unequal_parts
 from ..equations.port import Port
 from ..equations.speed_tables import check_tables
-from ..equations.stationary_frame import check_no_states
+from ..equations.stationary_frame import check_not_turning
 from ..equations.system import System, assemble
 from ..scene import Scene
 from ..shafts.cased import ends
@@ -93,7 +93,7 @@ def static_positions(scene: Scene, speeds: Any = None) -> StaticPositions:
             "has no static position; simulate it in time."
         )
     check_axes(system, "There is no static position", "simulate it in time")
-    check_no_states(system, "A static position", "simulate it in time")
+    check_not_turning(system, "A static position", "simulate it in time")
     position, load, stiffness, damping = _at_speeds(system, films, speeds)
     if known(position) and not np.isfinite(position).all():
         k = int(np.argmin(np.isfinite(position).all(axis=1)))

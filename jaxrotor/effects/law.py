@@ -1,4 +1,4 @@
-"""Law: force on the shaft at a station by the motion there and what turns or remembers beside it."""
+"""Law: the force on the shaft at a station, by the motion there, the rotation and its own states."""
 
 import abc
 from typing import ClassVar, Literal, NamedTuple
@@ -38,15 +38,16 @@ class AbstractLaw(eqx.Module):
     A law with jumps or kinks consists of smooth branches. `c` conditions, each 1 or 0, determine the
     branch, so that steps in time can end where it changes. A smooth law has no conditions.
 
-    A law may have `states` of its own, whose `rates` are integrated with the motion, and depend on the
-    angle of rotation. By the `clock` "shaft" that angle is within a revolution, from 0 to 2 pi, so that a
-    motion by whole revolutions has it exactly; by "cage" it counts all turns since the start, as what
-    turns at another ratio needs.
+    A law may have `states` of its own, whose `rates` are integrated with the motion; a solver with an
+    error estimate controls them to 1e-10 of their units. It may depend on the angle of rotation. By the
+    `clock` "revolution" that angle is within a revolution, from 0 to 2 pi, so that motions by whole
+    revolutions have it exactly: forces and margins are then to be periodic functions of it. By "turns"
+    it counts all turns, as `TimeHistory.angle` does, for what turns at another ratio.
     """
 
     steep: ClassVar[bool] = False  # whether it has no bound, so that steps need an error estimate
     states: ClassVar[tuple[str, ...]] = ()  # names with units, such as "wear [m]"
-    clock: ClassVar[Literal["shaft", "cage"] | None] = None  # None: no angle is given
+    clock: ClassVar[Literal["revolution", "turns"] | None] = None  # None: no angle is given
 
     @property
     def elementwise(self) -> bool:
@@ -74,8 +75,7 @@ class AbstractLaw(eqx.Module):
 
     def rates(self, force: Plane, displacement: Plane, velocity: Plane, now: Now) -> States:
         """Rates of its states per second, by its force [N] and the motion there."""
-        assert now.state is not None, "asked of laws with states alone"
-        return jnp.zeros_like(now.state)
+        raise NotImplementedError(f"{type(self).__name__} has `states`, so it needs their `rates`.")
 
     @abc.abstractmethod
     def torque(self, force: Plane, displacement: Plane, velocity: Plane, now: Now) -> Number:
@@ -107,7 +107,10 @@ class AbstractLaw(eqx.Module):
 
     @abc.abstractmethod
     def clearance(self, displacement: Plane) -> Number:
-        """Distance [m] to contact, negative in contact; -inf for a law that always acts."""
+        """Distance [m] to contact, negative in contact; -inf for a law that always acts.
+
+        It is that at the start, and at angle 0, of a law that has states or turns.
+        """
 
 
 class AbstractSmoothLaw(AbstractLaw):

@@ -1,4 +1,4 @@
-"""Coupled forces: those of a rotor whose rotation or balls are part of the motion, at a few stations.
+"""Coupled forces: those of a rotor with which balls, states or its own rotation move, at a few stations.
 
     z.. = a + D f,   f = (contacts, balls, (Omega^2 - i Omega.) e^(i theta))
 
@@ -20,8 +20,7 @@ from ..core import linalg
 from ..core.blocks import Blocks, Load
 from ..core.plane import plane
 from ..core.quantities import Scalar
-from ..effects.base import AbstractBodies, AbstractContact
-from ..effects.law import AbstractLaw, Now
+from ..effects.law import Now
 from ..scene import Scene
 from ..spins.base import Turning
 from .accelerations import with_accelerations
@@ -65,18 +64,6 @@ class Stations(eqx.Module):
         return cls(stacked(rows), stacked(columns).T, every)
 
 
-def is_coupled(scene: Scene) -> bool:
-    """Whether balls, states of laws, or a rotation not known in time are part of a rotor's motion."""
-    states = any(law.states for law in laws_of(scene))
-    return bool(scene.of(AbstractBodies)) or states or not scene.spin.given
-
-
-def laws_of(scene: Scene) -> list[AbstractLaw]:
-    """Laws of the contacts of a scene, with shapes in place of numbers."""
-    law = lambda contact: contact.law()
-    return [eqx.filter_eval_shape(law, contact) for contact in scene.of(AbstractContact)]
-
-
 class Instant(NamedTuple):
     """A time, and one beside it at which the acceleration of a given speed is taken, off a jump [s]."""
 
@@ -114,11 +101,6 @@ class AuxiliaryState(eqx.Module):
         balls = launch.balls or ()
         places = join(one.angle for one in balls), join(one.rate for one in balls)
         states = system.begin() if launch.states is None else launch.states
-        if states.shape != (system.states,):
-            raise ValueError(
-                f"`states` of the start must be {system.states} numbers, those of the laws of the scene, "
-                f"but has the shape {states.shape}; take `motion.end` of the same scene, or leave it out."
-            )
         return cls(alone(launch.angle), alone(system.spin.speed), *places, states)
 
 

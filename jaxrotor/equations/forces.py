@@ -10,7 +10,7 @@ from ..core.plane import direction, plane
 from ..core.quantities import Scalar
 from ..effects.law import Now, States
 from .kinematics import Kinematics
-from .port import Port, of_each
+from .port import Port, of_all, of_each
 from .system import Race, System
 
 
@@ -79,8 +79,7 @@ def contact_torque(system: System, now: Kinematics, contacts: Contacts) -> Scala
 def state_rates(system: System, now: Kinematics, contacts: Contacts) -> States:
     """Rates of the states of all laws per second."""
     pairs = zip(port_motion(system, now), contacts, strict=True)
-    rates = [port.rates(forces, *motion) for (port, motion), forces in pairs if port.size]
-    return jnp.concatenate([jnp.zeros(0), *rates])
+    return of_all(system.ports, [port.rates(forces, *motion) for (port, motion), forces in pairs])
 
 
 def port_motion(system: System, now: Kinematics) -> Iterator[tuple[Port, tuple[Array, Array, Now]]]:

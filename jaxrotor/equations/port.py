@@ -1,11 +1,12 @@
 """Port: one station where nonlinear laws act, see docs/concepts/ports.md."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any, cast
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from ..core.extremes import larger
@@ -26,21 +27,18 @@ class Port(eqx.Module):
     # Stiffness and damping that the linear equations bear in place of the laws, see `with_lent_films`:
     lent: Float[Array, "2"] | None = None
     on: str | None = eqx.field(static=True, default=None)  # name of a casing; None: the ground
-
-    @property
-    def size(self) -> int:
-        """Number of states of all laws."""
-        return sum(count_of(stack) * len(stack.states) for stack in self.laws)
+    # Places of the states of its laws, stack by stack, among those of a system:
+    places: tuple[int, ...] = eqx.field(static=True, default=())
 
     def begin(self) -> States:
-        """States of all laws at the start of a motion."""
-        parts = [jax.vmap(lambda law: law.begin())(stack).ravel() for stack in self.laws]
-        return jnp.concatenate([jnp.zeros(0), *parts])
+        """States of all laws at the start of a motion, stack by stack."""
+        parts = [jax.vmap(lambda law: law.begin())(stack) for stack in self.laws if stack.states]
+        return jnp.concatenate([jnp.zeros(0), *(part.ravel().astype(float) for part in parts)])
 
     def forces(self, displacement: Array, velocity: Array, now: Now) -> Float[Array, "k 2 ..."]:
         """Force of every law at this port [N], in the order of `System.members`.
 
-        `now` has the angle since the start of the motion, and the states of all laws.
+        `now` has the angle with all turns, and the states of all laws of the port.
         """
         call = lambda law, now: law(displacement, velocity, now)
         return jnp.concatenate([_mapped(call)(*stack) for stack in self._stacks(now)])
@@ -48,19 +46,23 @@ class Port(eqx.Module):
     def rates(
         self, forces: Float[Array, "k 2 ..."], displacement: Array, velocity: Array, now: Now
     ) -> States:
-        """Rates of the states of all laws per second, by their forces [N]."""
+        """Rates of the states of all laws per second, stack by stack, by their forces [N]."""
         call = lambda law, now, force: law.rates(force, displacement, velocity, now)
         parts = zip(self._stacks(now), self._of_stacks(forces), strict=True)
-        rates = [_mapped(call)(*stack, force) for stack, force in parts if stack[0].states]
-        flat = [rate.reshape(-1, *rate.shape[2:]) for rate in rates]
-        return jnp.concatenate(flat) if flat else jnp.zeros((0, *forces.shape[2:]))
+        found = [jnp.zeros((0, *forces.shape[2:]))]
+        for (stack, own), force in parts:
+            if stack.states:
+                rates = _mapped(call)(stack, own, force)
+                _check_rates(stack, rates[0])
+                found.append(rates.reshape(-1, *rates.shape[2:]))
+        return jnp.concatenate(found)
 
     def _stacks(self, now: Now) -> Iterator[tuple[AbstractLaw, Now]]:
         """Every stack of laws with an angle by their clock, and their own states."""
         start = 0
         for stack in self.laws:
             angle, state = now.angle if stack.clock else None, None
-            if angle is not None and stack.clock == "shaft":
+            if angle is not None and stack.clock == "revolution":
                 angle = jnp.mod(angle, 2 * jnp.pi)
             if now.state is not None and stack.states:
                 stop = start + count_of(stack) * len(stack.states)
@@ -149,6 +151,15 @@ def _mapped(call: Callable) -> Callable:
     return every
 
 
+def _check_rates(law: AbstractLaw, rates: States) -> None:
+    """Raise unless there is a rate for every state of a law."""
+    if rates.shape[:1] != (len(law.states),):
+        raise ValueError(
+            f"`rates` of {type(law).__name__} must have one for each of its {len(law.states)} `states`, "
+            f"but has the shape {rates.shape}."
+        )
+
+
 def count_of(stack: AbstractLaw) -> int:
     """Number of laws in a stack."""
     return jax.tree.leaves(stack)[0].shape[0]
@@ -165,12 +176,16 @@ def actual(number: int, port: Port, place: Array, velocity: Array, now: Now) -> 
 
 
 def of_each(ports: Sequence[Port], now: Now) -> Iterator[Now]:
-    """The same for every port, with its own of the states of all."""
-    start = 0
+    """Each port's own of `now`: of the states of a system, those of its own laws."""
     for port in ports:
-        stop = start + port.size
-        yield now if now.state is None else now._replace(state=now.state[start:stop])
-        start = stop
+        state = now.state[np.array(port.places, int)] if now.state is not None else None
+        yield now._replace(state=state)
+
+
+def of_all(ports: Sequence[Port], each: Iterable[Array]) -> States:
+    """States of a system, or their rates, by those of each port."""
+    places = np.concatenate([np.zeros(0, int), *(np.array(port.places, int) for port in ports)])
+    return jnp.concatenate([jnp.zeros(0), *each])[np.argsort(places)]
 
 
 def port_forces(

@@ -124,7 +124,7 @@ class Transient(eqx.Module):
 
     def _state_rates(self, now: Kinematics) -> States:
         """Rates of the states of laws per second."""
-        if not self.system.states:
+        if not self.system.state_count:
             return now.states
         return state_rates(self.system, now, contacts_of(self.system, now))
 

@@ -100,7 +100,7 @@ def _checked_balls(balls: Any) -> Any:
 
 
 class Launch(AbstractStart):
-    """State in which a motion begins: that of the shaft, the angle of rotation, and balls.
+    """State in which a motion begins: that of the shaft, the angle of rotation, balls, states of laws.
 
     `balls` has an entry for every race; None spreads them evenly. `speed`, unless None, is the first
     speed of a `Drive`, and must be that of a `SpeedProfile` at its `time`; a `ConstantSpeed` jumps to
@@ -115,7 +115,10 @@ class Launch(AbstractStart):
     stopped: Bool[Array, ""] = eqx.field(
         default=False, converter=jnp.asarray
     )  # and never starts again
-    states: Float[Array, " s"] | None = None  # of laws, contact by contact; None: as laws begin
+    # Of laws, contact by contact of the scene; None: as they begin
+    states: Float[Array, " s"] | None = eqx.field(
+        default=None, converter=lambda own: None if own is None else jnp.asarray(own, float)
+    )
 
     @classmethod
     def of(cls, start: AbstractStart | None) -> "Launch":

@@ -15,7 +15,7 @@ from ..core import linalg
 from ..core.blocks import Load
 from ..core.plane import angle, plane
 from ..core.quantities import Scalar
-from ..effects.law import Now
+from ..effects.law import AbstractLaw, Now
 from .massless_coordinates import MasslessCoordinates
 from .pencil import check_moves
 from .port import Port, port_forces
@@ -143,11 +143,11 @@ class Motion(eqx.Module):
         if self.rows is None or self.columns is None:
             return jnp.zeros_like(y)
         q, rate = y
-        now = self.now(lambda: jnp.stack([jnp.cos(theta), jnp.sin(theta)]))
+        now = self.of_laws(lambda: jnp.stack([jnp.cos(theta), jnp.sin(theta)]))
         forces = port_forces(self.ports, q @ self.rows.T, self.rate * (rate @ self.rows.T), now)
         return jnp.stack([jnp.zeros_like(q), forces @ self.columns.T])
 
-    def now(self, phase: Callable[[], Float[Array, "2 ..."]]) -> Now:
+    def of_laws(self, phase: Callable[[], Float[Array, "2 ..."]]) -> Now:
         """Speed and, where a law asks for it, angle, by cosine and sine of the angle of revolution."""
         if not any(law.clock for port in self.ports for law in port.laws):
             return Now(self.speed)
@@ -192,17 +192,26 @@ def check_no_balls(system: System, what: str, instead: str) -> None:
         )
 
 
-def by_times(system: System) -> bool:
-    """Whether laws have states, or count turns, so that no revolution is as the one before it."""
-    return bool(system.states) or "cage" in system.clocks
+def has_memory(law: AbstractLaw) -> bool:
+    """Whether a law has states, or counts turns, so that no revolution is as the one before it."""
+    return bool(law.states) or law.clock == "turns"
 
 
 def check_no_states(system: System, what: str, instead: str) -> None:
     """Raise if laws have states or count turns; the message names `what`, and says to do `instead`."""
-    if by_times(system):
+    if contacts := system.laws_with(has_memory):
         raise ValueError(
-            f"{what} is for forces that the motion there determines, but a contact "
-            f"({system.owners_of('contact')}) has states of its own or counts turns; {instead}."
+            f"{what} is for forces that the motion there determines, but contacts ({contacts}) have "
+            f"states of their own or count turns; {instead}."
+        )
+
+
+def check_not_turning(system: System, what: str, instead: str) -> None:
+    """Raise if laws have states or turn; the message names `what`, and says to do `instead`."""
+    check_no_states(system, what, instead)
+    if contacts := system.laws_with(lambda law: law.clock):
+        raise ValueError(
+            f"{what} is for forces that stand still, but those of {contacts} turn; {instead}."
         )
 
 

@@ -1,7 +1,8 @@
 """System: the equations of motion of a scene. See docs/concepts/ports.md for its ports."""
 
 import dataclasses
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -26,7 +27,7 @@ from ..spins.base import AbstractSpin
 from ..spins.constant import constant
 from .massless_coordinates import Massless
 from .parts import OverSpeed, Parts, assemble_blocks, assemble_load, blocks_of_parts
-from .port import Port, count_of, of_each
+from .port import Port, count_of, of_all, of_each
 from .rigid_motions import unheld
 from .speed_tables import has_tables, within_tables
 
@@ -76,12 +77,11 @@ class System(eqx.Module):
     @property
     def coupled(self) -> bool:
         """Whether balls, states of laws, or a rotation not known in time are part of the motion."""
-        return bool(self.races) or bool(self.states) or not self.spin.given
+        return bool(self.races) or bool(self.state_count) or not self.spin.given
 
     def owners_of(self, *what: str) -> str:
         """Names of the parts that add to some blocks, are a "contact" or have "bodies", as a phrase."""
-        names = list(dict.fromkeys(part for block, part in self.owners if block in what))
-        return " and ".join(filter(None, [", ".join(names[:-1]), *names[-1:]]))
+        return phrase(dict.fromkeys(part for block, part in self.owners if block in what))
 
     def at_speed(self, speed: ArrayLike) -> "System":
         """The same rotor at a constant speed, with its coefficients there."""
@@ -118,13 +118,22 @@ class System(eqx.Module):
         return {law.clock for port in self.ports for law in port.laws if law.clock}
 
     @property
-    def states(self) -> int:
+    def state_count(self) -> int:
         """Number of states of all laws."""
-        return sum(port.size for port in self.ports)
+        return sum(len(port.places) for port in self.ports)
 
     def begin(self) -> States:
-        """States of all laws at the start of a motion, port by port."""
-        return jnp.concatenate([jnp.zeros(0), *(port.begin() for port in self.ports)])
+        """States of all laws at the start of a motion, contact by contact of the scene."""
+        return of_all(self.ports, [port.begin() for port in self.ports])
+
+    def laws_with(self, test: Callable[[AbstractLaw], Any]) -> str:
+        """Names of the contacts whose laws pass a test, as a phrase."""
+        stacks = [stack for port in self.ports for stack in port.laws]
+        passed = [test(stack) for stack in stacks for _ in range(count_of(stack))]
+        contacts = [part for block, part in self.owners if block == "contact"]
+        # Ports of unequal axes follow, which are no contacts; linear equations have no ports left.
+        numbers = sorted(i for i, good in zip(self.members, passed, strict=False) if good)
+        return phrase(contacts[i] for i in numbers)
 
     def contact_forces(
         self, displacement: Array, velocity: Array, now: Now
@@ -168,16 +177,19 @@ def _assembled(scene: Scene, together: tuple[tuple[int, ...], ...]) -> System:
     parts = blocks_of_parts(scene, line)
     blocks = sum(parts.values(), Blocks())
     contacts = scene.of(AbstractContact)
+    every = [contact.law() for contact in contacts]
+    first = np.cumsum([0, *(len(law.states) for law in every)])
     ports, members = [], []
     for group in together:
         stacks: dict = {}
         for i in group:
-            law = contacts[i].law()
-            stacks.setdefault(jax.tree.structure(law), []).append((i, law))
+            stacks.setdefault(jax.tree.structure(every[i]), []).append(i)
+        own = [i for stack in stacks.values() for i in stack]
         at, on = contacts[group[0]].at, contacts[group[0]].on
-        laws = tuple(_stack([law for _, law in stack]) for stack in stacks.values())
-        ports.append(Port(*ends(line, at, on), at, laws, on=on))
-        members += [i for stack in stacks.values() for i, _ in stack]
+        laws = tuple(_stack([every[i] for i in stack]) for stack in stacks.values())
+        places = tuple(int(k) for i in own for k in range(first[i], first[i + 1]))
+        ports.append(Port(*ends(line, at, on), at, laws, on=on, places=places))
+        members += own
     races = [Race(line.row(b.at), line.column(b.at), b.at, b) for b in scene.of(AbstractBodies)]
     return System(
         line,
@@ -225,21 +237,20 @@ def structure(scene: Scene, together: tuple[tuple[int, ...], ...] | None = None)
     return _assembled.shapes(scene, port_groups(scene) if together is None else together)
 
 
-def state_names(
-    scene: Scene, together: tuple[tuple[int, ...], ...] | None = None
-) -> list[tuple[str, str]]:
-    """Names and units of the states of all laws, in the order of `System.begin`.
-
-    The wear of the first stop is `("worn_stops.0.wear", "m")`.
-    """
-    system, contacts = structure(scene, together), scene.of(AbstractContact)
-    numbers, found = iter(system.members), []
-    for stack in (stack for port in system.ports for stack in port.laws):
-        for number in [next(numbers) for _ in range(count_of(stack))]:
-            owner = scene.name_of(contacts[number])
-            words = (state.removesuffix("]").partition(" [") for state in stack.states)
-            found += [(f"{owner}.{name}", unit or "1") for name, _, unit in words]
+def state_names(scene: Scene) -> dict[str, str]:
+    """Units of the states of all laws by their names, contact by contact: `worn_stops.0.depth` in m."""
+    found = {}
+    for contact in scene.of(AbstractContact):
+        law = eqx.filter_eval_shape(lambda contact: contact.law(), contact)
+        for name, _, unit in (state.removesuffix("]").partition(" [") for state in law.states):
+            found[f"{scene.name_of(contact)}.{name}"] = unit or "1"
     return found
+
+
+def phrase(names: Iterable[str]) -> str:
+    """Names as a phrase: "a, b and c"."""
+    names = list(names)
+    return " and ".join(filter(None, [", ".join(names[:-1]), *names[-1:]]))
 
 
 def has_massless(scene: Scene, system: System | None = None) -> bool | None:

@@ -13,7 +13,7 @@ from ..scene import Scene
 from ..shafts import AbstractShaft
 from ..spins.base import AbstractSpin
 from .units import refuse
-from .vocabulary import TEXTS, kinds_with, models
+from .vocabulary import TEXTS, kinds, models
 
 
 def dumps(scene: Scene, title: str = "") -> str:
@@ -27,7 +27,7 @@ def dumps(scene: Scene, title: str = "") -> str:
     document["shaft"] = _written(scene.shaft, "shaft", models(shafts, AbstractShaft))
     for kind in dict.fromkeys(effect.kind for effect in scene.effects):
         members = [effect for effect in scene.effects if effect.kind == kind]
-        tables = [_written(effect, kind, kinds_with(effect)) for effect in members]
+        tables = [_written(effect, kind, kinds()) for effect in members]
         name, item = (members[0].plural, tables) if len(tables) > 1 else (kind, tables[0])
         document[name] = tomlkit.item(item)
     document["spin"] = _written(scene.spin, "spin", models(spins, AbstractSpin))
@@ -42,7 +42,9 @@ def _written(module: Any, path: str, known: Mapping[str, type] | None = None) ->
     if known is not None:
         model = next((name for name, cls in known.items() if cls is type(module)), None)
         if model is None:
-            refuse(path, f"cannot be written: no scene file can name a {type(module).__name__}.")
+            name = type(module).__name__
+            other = f", as {path!r} is another class" if path in known else ""
+            refuse(path, f"cannot be written: no scene file can name a {name}{other}.")
         if model != path:
             table["model"] = model
     for field in (field for field in dataclasses.fields(module) if field.init):

@@ -71,14 +71,9 @@ def exported() -> dict[str, Any]:
 
 
 def kinds() -> dict[str, Any]:
-    """The same, and classes of one's own that have been defined, of one kind the last."""
+    """Classes of effects by their kind: those exported, and those of one's own, of one kind the last."""
     ours = exported()
     return ours | _by_kind(_below(AbstractEffect)) | ours
-
-
-def kinds_with(effect: AbstractEffect) -> dict[str, Any]:
-    """The same, and the class of an effect, unless it has the kind of one that is exported."""
-    return {effect.kind: type(effect)} | exported()
 
 
 def _by_kind(values: Iterable[Any]) -> dict[str, Any]:

@@ -14,13 +14,11 @@ import jax
 import jax.numpy as jnp
 
 from ..core.quantities import known
-from ..effects.base import AbstractContact
 from ..equations.constant_frame import WORST_GAIN, in_constant_axes, loop_gain
-from ..equations.coupled import is_coupled
 from ..equations.pencil import frame
 from ..equations.rotating_frame import massless_in_steps
 from ..equations.start import AbstractStart, is_whole
-from ..equations.stationary_frame import by_times, check_known_in_time
+from ..equations.stationary_frame import check_known_in_time, has_memory
 from ..equations.system import System, assemble, has_massless
 from ..scene import Scene
 from ..solvers.choice import solver_name
@@ -45,8 +43,8 @@ def system_of_march(
     named, chosen = isinstance(solver, Exponential), solver is None
     if system.races:
         return None, f"since balls ({system.owners_of('bodies')}) move with the rotor"
-    if by_times(system):
-        return None, f"since contacts ({system.owners_of('contact')}) have states or count turns"
+    if system.laws_with(has_memory):
+        return None, f"since contacts ({system.laws_with(has_memory)}) have states or count turns"
     if not (start is None or is_whole(start)):
         return None, "since the start is not that of a revolution"
     if chosen and system.steep:
@@ -94,9 +92,10 @@ def check_integrated(solver: Any) -> None:
 def steps_along(scene: Scene, system: System, times: Any) -> tuple[Exponential | None, str]:
     """The exponential steps that a scene takes along times, None where it is integrated; and why.
 
-    Balls and drives that the rotor holds back are integrated where a rotor has few coordinates: in the
-    axes of the shaft nothing but contact is quick there, so that long steps serve. Values that decide
-    the steps must be known: those of the speed, and all of a drive that the rotor holds back.
+    Balls, states of laws and drives that the rotor holds back are integrated where a rotor has few
+    coordinates: in the axes of the shaft nothing but contact is quick there, so that long steps serve.
+    Values that decide the steps must be known: those of the speed, and all of a drive that the rotor
+    holds back.
     """
     check_known_in_time(system)
     if system.steep:
@@ -111,12 +110,12 @@ def steps_along(scene: Scene, system: System, times: Any) -> tuple[Exponential |
         reason = "a part of the rotor has no mass, or may have none"
     if reason is not None:
         return None, f"since {reason}"
-    return steps_of_default(scene), _drawn(system)
+    return steps_of_default(system), _drawn(system)
 
 
-def steps_of_default(scene: Scene) -> Exponential:
+def steps_of_default(system: System) -> Exponential:
     """Exponential steps along times: through the kinks of contact those of order 4 gain nothing."""
-    return Exponential(order=4 if is_coupled(scene) or not scene.of(AbstractContact) else 2)
+    return Exponential(order=4 if system.coupled or not system.ports else 2)
 
 
 def check_steppable(
@@ -129,9 +128,9 @@ def check_steppable(
     system = assemble(scene) if system is None else system
     check_known_in_time(system)
     reason = unsteppable(system)
-    if revolutions and (system.races or by_times(system)):
-        parts = system.owners_of("bodies" if system.races else "contact")
-        moves = "balls" if system.races else "contacts with states or angles of their own"
+    if revolutions and (system.races or system.laws_with(has_memory)):
+        parts = system.owners_of("bodies") if system.races else system.laws_with(has_memory)
+        moves = "balls" if system.races else "contacts that have states or count turns"
         reason = f"there are {moves} ({parts}), which `times` would allow"
     if reason is None:
         massless = has_massless(scene, system)
@@ -179,7 +178,7 @@ def _drawn(system: System) -> str:
         parts.append("a speed that varies")
     if system.races:
         parts.append("balls")
-    if system.states:
+    if system.state_count:
         parts.append("states of laws")
     if system.remainder:
         parts.append("axes that turn and axes that stand")

@@ -94,8 +94,8 @@ def named_states(scene: Scene, instants: Kinematics | None) -> dict[str, Float[A
     """States of laws at the samples of a run, by their names."""
     if instants is None or not instants.states.shape[-1]:
         return {}
-    names = [name for name, _ in state_names(scene)]
-    return dict(zip(names, jnp.moveaxis(instants.states, -1, 0), strict=True))
+    columns = jnp.moveaxis(instants.states, -1, 0)
+    return dict(zip(state_names(scene), columns, strict=True))
 
 
 def imbalance_of(scene: Scene, bodies: Float[Array, "*T b"]) -> Complex[Array, "*T"]:

@@ -120,7 +120,7 @@ class IntegratedMarch(AbstractMarch):
             times,
             speed,
             self._bodies(instants),
-            instants.states if self.field.system.states else None,
+            instants.states if self.field.system.state_count else None,
         )
         return end, window, ok
 
@@ -169,7 +169,7 @@ class IntegratedMarch(AbstractMarch):
     def _unpacked(self, y: Array) -> tuple[RotatingState, Array, Array, Array]:
         n, free = self.field.system.n, int(self.integration.free)
         bodies = sum(race.bodies.places for race in self.field.system.races)
-        ends = np.cumsum([2 * n, 2 * n, free, free, bodies, bodies, self.field.system.states])
+        ends = np.cumsum([2 * n, 2 * n, free, free, bodies, bodies, self.field.system.state_count])
         r, rate, *others, last = jnp.split(y, ends)
         state = RotatingState(r.reshape(2, n), rate.reshape(2, n), *others)
         return state, last[0] > 0, last[1] > 0, last[2]

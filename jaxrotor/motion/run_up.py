@@ -18,7 +18,7 @@ from ..effects.base import AbstractBodies
 from ..equations.rotating_frame import massless_of
 from ..equations.speed_tables import check_tables, has_tables
 from ..equations.start import AbstractStart, Balls, Continued, Launch
-from ..equations.system import System, assemble
+from ..equations.system import System, assemble, state_names
 from ..scene import Scene
 from ..solvers.choice import checked_solver, solver_name
 from ..solvers.control import tuned
@@ -270,7 +270,14 @@ def after(scene: Scene, launch: Launch) -> Scene:
 
 
 def with_balls(scene: Scene, launch: Launch) -> Launch:
-    """The launch with balls for every race; raises unless their numbers are those of the races."""
+    """The launch with balls for every race; raises unless it has as many, and states, as the scene."""
+    count = len(state_names(scene))
+    if launch.states is not None and launch.states.shape != (count,):
+        raise ValueError(
+            f"`states` of the start must have the shape ({count},), one for each state of the laws of "
+            f"the scene, but have {launch.states.shape}; take `motion.end` of the same scene, or leave "
+            "them out."
+        )
     counts = [bodies.places for bodies in scene.of(AbstractBodies)]
     if not counts and launch.balls is None:
         return launch
@@ -328,7 +335,9 @@ def _motion(
         "speed": end.speed,
         "time": launch.time + times[-1],
         "stopped": jnp.isfinite(run.stopped) & stops,
-        "states": run.instants.states[-1] if run.instants is not None and system.states else None,
+        "states": run.instants.states[-1]
+        if run.instants is not None and system.state_count
+        else None,
     }
     return _Motion(run, balls, state)
 

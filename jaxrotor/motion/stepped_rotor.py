@@ -12,13 +12,13 @@ from jaxtyping import Array, Bool, Complex, Float, Int
 
 from ..core.blocks import unbalance_factor
 from ..core.quantities import Scalar
-from ..equations.coupled import INSIDE, AuxiliaryState, CoupledForces, Instant, is_coupled
+from ..equations.coupled import INSIDE, AuxiliaryState, CoupledForces, Instant
 from ..equations.fixed_axes import FixedAxes, SpeedTerms
 from ..equations.start import Launch
 from ..equations.system import System
 from ..scene import Scene
 from ..solvers.basis import Basis
-from ..solvers.forcing import AlongTimes, Coupled, Sizes, Speeds
+from ..solvers.forcing import AlongTimes, Coupled, KnownRotation, Sizes
 from ..solvers.rotor import RotorAtSpeed
 from ..solvers.step import AbstractForcing, Step, StepData
 from ..spins.base import Turning
@@ -35,7 +35,7 @@ class SteppedRotor(eqx.Module):
 
     system: System
     rotor: RotorAtSpeed
-    forces: CoupledForces | None  # None: no balls, and the speed is known in time
+    forces: CoupledForces | None  # None: nothing moves with the rotor
     centre: Scalar  # speed of decomposition [rad/s]
     angle: Scalar  # of rotation at time 0 [rad]
 
@@ -54,7 +54,7 @@ class SteppedRotor(eqx.Module):
         """
         (centre, basis), (_, rate) = at, stepping.centres(system)
         terms = SpeedTerms.of(system, stepping.modes) if stepping.modes else None
-        if not is_coupled(scene):
+        if not system.coupled:
             rotor = RotorAtSpeed.build(decomposed_at(system, centre), rate, terms, basis)
             return cls(system, rotor, None, centre, angle)
         forces, stations = CoupledForces.of(scene, system, terms, centre, jnp.asarray(angle))
@@ -92,7 +92,9 @@ class SteppedRotor(eqx.Module):
         nodes = jnp.arange(count)[:, None] * 2 + np.arange(3)
         angle = self.angle + now.angle[nodes] if system.clocks else None
         speed = now.speed[nodes]
-        return StepData(Speeds(angle, speed, speed - self.centre), self.rotor.load_values(g[nodes]))
+        return StepData(
+            KnownRotation(angle, speed, speed - self.centre), self.rotor.load_values(g[nodes])
+        )
 
     def encode(
         self, q: Complex[Array, " n"], velocity: Complex[Array, " n"], others: AuxiliaryState

@@ -147,7 +147,7 @@ class WindowMarch(AbstractMarch):
             forces = both[..., 0] + 1j * both[..., 1]
         z = seen[..., 0] + 1j * seen[..., 1]  # (T, displacement or velocity)
         motion = z[:, :1], z[:, 1:], None, forces, None
-        speed, states = turning.speed, others.states if system.states else None
+        speed, states = turning.speed, others.states if system.state_count else None
         window = Window(*motion, self.length, jnp.sign(speed[-1]), times, speed, bodies, states)
         return jnp.append(end, number + 1), window, outcome
 

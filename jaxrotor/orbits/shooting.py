@@ -273,8 +273,8 @@ def without_unbalance(system: System) -> System:
     """The system without the unbalance, whether it has one or not; raises if time acts by itself."""
     if system.clocks:
         raise ValueError(
-            "A period is unknown only where nothing turns with the shaft, but a contact "
-            f"({system.owners_of('contact')}) depends on its angle; give `revolutions`."
+            "A period is unknown only where nothing turns with the shaft, but "
+            f"{system.laws_with(lambda law: law.clock)} depends on its angle; give `revolutions`."
         )
     absent = lambda part: part is None
     return eqx.tree_at(lambda s: s.load.unbalance, system, None, is_leaf=absent)

@@ -39,7 +39,7 @@ def dataset(result: TimeHistory | Reactions) -> xr.Dataset:
         if result.balls:
             balls, races = _balls(result)
             variables, coordinates = variables | balls, coordinates | races
-        units = dict(state_names(result.scene)) if result.states else {}
+        units = state_names(result.scene) if result.states else {}
         for name, values in result.states.items():
             variables[name] = variable("time", values, units[name], "state of a law")
         if result.steps_per_revolution is not None:

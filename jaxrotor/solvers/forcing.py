@@ -47,7 +47,7 @@ class AtConstantSpeed(AbstractForcing):
     def through(self) -> Float[Array, "p4 p2"] | None:
         return self.field.through
 
-    def now(self, start, times, span, part=None) -> StepData:
+    def data(self, start, times, span, part=None) -> StepData:
         begin = start if part is None else start + part.begin
         angles = jnp.stack([begin + time * span for time in times])
         return StepData(jnp.stack([jnp.cos(angles), jnp.sin(angles)], axis=1))
@@ -74,10 +74,10 @@ class AtConstantSpeed(AbstractForcing):
 
     def of_laws(self, node, x):
         del x
-        return self.field.motion.now(lambda: node)
+        return self.field.motion.of_laws(lambda: node)
 
 
-class Speeds(NamedTuple):
+class KnownRotation(NamedTuple):
     """Rotation known in time, at the beginning, middle and end of a step."""
 
     angle: Float[Array, "3 ..."] | None  # theta [rad]; None: no law asks for it
@@ -86,10 +86,10 @@ class Speeds(NamedTuple):
 
 
 class AlongTimes(AbstractForcing):
-    """Contact, the speed terms and loads, at a speed known in time. A start is a `StepData` with `Speeds`.
+    """Contact, the speed terms and loads, at a speed known in time.
 
-    Within a step the speed and the loads are parabolas through their values at its beginning, middle and
-    end.
+    A start is a `StepData` with a `KnownRotation`. Within a step the angle, the speed and the loads are
+    parabolas through their values at its beginning, middle and end.
     """
 
     ports: tuple[Port, ...]
@@ -110,7 +110,7 @@ class AlongTimes(AbstractForcing):
         del node, law
         return _motion(seen)
 
-    def now(self, start, times, span, part=None) -> StepData:
+    def data(self, start, times, span, part=None) -> StepData:
         del times
         if part is None:
             return start
@@ -179,7 +179,7 @@ class Sizes(NamedTuple):
         """Those of a scene."""
         system = forces.system
         bodies = sum(race.bodies.places for race in system.races)
-        return cls(int(forces.free), bodies, system.states)
+        return cls(int(forces.free), bodies, system.state_count)
 
     @property
     def total(self) -> int:
@@ -228,7 +228,7 @@ class Coupled(AbstractForcing):
         del node, law
         return _motion(seen)
 
-    def now(self, start, times, span, part=None) -> StepData:
+    def data(self, start, times, span, part=None) -> StepData:
         length, begin = span / self.rate, start
         middle = start + (span if part is None else part.whole) / self.rate / 2
         if part is not None:

@@ -135,7 +135,7 @@ class LocatedStep(eqx.Module):
         h = tableau.h
         begin, finish = forcing.at(start, Part(0.0, h)), forcing.at(start, Part(h, h))
         branches = self.branches(begin, y)
-        y1, loaded = self.whole(forcing.now(start, tableau.times, h), y, Along(branches))
+        y1, loaded = self.whole(forcing.data(start, tableau.times, h), y, Along(branches))
         ends = self.crossing(begin, branches, y), self.crossing(finish, branches, y1)
         passed = ~jnp.any(falls_through_zero(*ends, h))
         left, whole = jnp.where(passed, 0.0, h), jnp.asarray(h)
@@ -160,7 +160,7 @@ class LocatedStep(eqx.Module):
         here = Part(split.after, h)
         begin = self.crossing(forcing.at(start, here), branches, split.y)
         step = self.rotor.step(self.tableau.order, span, forcing, once=True)
-        now = forcing.now(start, step.tableau.times, span, here)
+        now = forcing.data(start, step.tableau.times, span, here)
         y, _ = step(now, split.y, Along(branches, exhausted))
         there = forcing.at(start, Part(split.after + span, h))
         end = self.crossing(there, branches, y)

@@ -137,7 +137,7 @@ class PortField(eqx.Module):
         self, phase: Phase, seen: Float[Array, "p4 ..."], law: Law = actual
     ) -> Float[Array, "p2 ..."]:
         """`[Re, Im]` of the port forces from displacement and velocity of the ports without them."""
-        through, parts = self.through_at(phase), (self.motion.ports, self.motion.now(phase))
+        through, parts = self.through_at(phase), (self.motion.ports, self.motion.of_laws(phase))
         if through is None:
             return forces_of_lanes(*parts, seen, law)
         yielding = lambda every, seen: _through(every[0], every[1], seen, law)

@@ -3,8 +3,8 @@
     w' = A w + B f(C w + steady, x) + L load,   x' = g(C w + steady, x),   ' = d/dtheta
 
 `w` are coordinates of the rotor in a basis of its linear equations, `x` the states of what is coupled to
-it: balls, a rotation that the rotor holds back. `x` has no linear part, so that the stages of an
-exponential step are those of the classical method of Runge and Kutta for it.
+it: balls, states of laws, a rotation that the rotor holds back. `x` has no linear part, so that the
+stages of an exponential step are those of the classical method of Runge and Kutta for it.
 """
 
 import abc
@@ -74,7 +74,7 @@ class AbstractForcing(eqx.Module):
         """`D` of ports without mass, see `PortField`; None: all have mass."""
 
     @abc.abstractmethod
-    def now(
+    def data(
         self, start: Any, times: tuple[float, ...], span: Scalar, part: Part | None = None
     ) -> StepData:
         """Data of a step of `span` [rad] at its `times`, or of a part of one, by its start."""
@@ -173,7 +173,7 @@ class Step(eqx.Module):
 
             def one(carry, start):
                 y, touched = carry
-                now = step.forcing.now(start, step.tableau.times, step.tableau.h)
+                now = step.forcing.data(start, step.tableau.times, step.tableau.h)
                 y, loaded = step(now, y)
                 return (y, touched | loaded), None
 

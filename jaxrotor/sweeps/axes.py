@@ -29,6 +29,7 @@ TAKEN = (
         "sample",
         "state",
         "states",
+        "states_end",
         "window",
     ),
     *(

@@ -164,9 +164,9 @@ def errors_of(
 
 
 def _single(dataset: xr.Dataset) -> Iterator[tuple[str, xr.DataArray]]:
-    """Variables with one number a lane, or one a contact, that steps may change."""
+    """Variables with one number a lane, a contact or a state of a law, that steps may change."""
     for name, array in dataset.data_vars.items():
-        if array.dims[1:] in ((), ("limiter",)) and name not in NO_ERROR:
+        if array.dims[1:] in ((), ("limiter",), ("state",)) and name not in NO_ERROR:
             yield str(name), array
 
 
@@ -177,7 +177,8 @@ def _apart(found: xr.Dataset, other: xr.Dataset) -> np.ndarray:
         if array.attrs["units"] in ("s", "rad/s") or not np.issubdtype(array.dtype, np.floating):
             continue
         change = _distance(array.values, other[name].values)
-        size = np.nanmax(np.abs(array.values), initial=0.0)
+        each = 0 if "state" in array.dims else None  # states have units of their own
+        size = np.nanmax(np.abs(array.values), axis=each, initial=0.0)
         far = np.nan_to_num(change) > APART * size
         apart |= far.reshape(len(apart), -1).any(axis=1)
     return apart
@@ -223,9 +224,7 @@ def _dataset(context: Context, axes: Mapping[str, np.ndarray], results: Lanes) -
     if any("axis" in one.dims for one in reported.values()):
         coords["axis"] = ("axis", ["x", "y"])
     if any("state" in one.dims for one in reported.values()):
-        names = [
-            f"{name} [{unit}]" for name, unit in state_names(context.scene, context.plan.together)
-        ]
+        names = [f"{name} [{unit}]" for name, unit in state_names(context.scene).items()]
         coords["state"] = ("state", names)
     ratio = _ratio_of_touched(context, results, reported, bounced=True)
     if ratio.size:

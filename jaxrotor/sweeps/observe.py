@@ -10,7 +10,7 @@ import numpy as np
 
 from ..core.plane import plane, square
 from ..effects.base import AbstractBodies, AbstractContact
-from ..equations.coupled import laws_of
+from ..equations.system import state_names
 from ..scene import Scene
 from ..solvers.lanes import reduced
 from .observable import (
@@ -225,9 +225,12 @@ class States(AbstractStored):
         return carry, turn.states[-1]
 
     def report(self, carry, stored, count):
-        dims = ("window", "state")
+        name = "states of laws at the ends of windows"
         return {
-            "states": Variable(dims, stored, "see `state`", "states of laws at ends of windows")
+            "states": Variable(("window", "state"), stored, "see `state`", name),
+            "states_end": Variable(
+                ("state",), stored[:, -1], "see `state`", "states of laws at the end"
+            ),
         }
 
 
@@ -343,7 +346,7 @@ def checked_observables(
 ) -> tuple[AbstractObservable, ...]:
     """The observables asked for, or by default all but the spectrum."""
     contacts, balls = len(scene.of(AbstractContact)), bool(scene.of(AbstractBodies))
-    states = any(law.states for law in laws_of(scene))
+    states = bool(state_names(scene))
     if observe is None:
         observe = everything(bool(contacts), along_times=along_times, balls=balls, states=states)
     observe = tuple(observe) if isinstance(observe, Sequence) else (observe,)

@@ -13,7 +13,7 @@ import numpy as np
 from ..effects.base import AbstractBodies
 from ..equations.rotating_frame import massless_of
 from ..equations.start import AbstractStart, Launch, checked_start, is_whole
-from ..equations.system import System, assemble
+from ..equations.system import System, assemble, structure
 from ..motion.choice import (
     check_integrated,
     check_steppable,
@@ -203,7 +203,7 @@ def _stepping(
 ) -> Stepping:
     """Steps of all lanes of a sweep over runs, fine enough at the corners of the grid."""
     if solver is None:
-        solver = steps_of_default(scene)
+        solver = steps_of_default(structure(scene))
     if controller is not None:
         raise ValueError("`controller` is for diffrax solvers, not Exponential().")
     check_steppable(scene, solver)

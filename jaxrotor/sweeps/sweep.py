@@ -19,11 +19,10 @@ from ..core.outcome import failed
 from ..core.pilot import Pilot
 from ..core.progress import progress as bar
 from ..effects.base import AbstractBodies
-from ..equations.coupled import laws_of
 from ..equations.massless_coordinates import Massless
 from ..equations.rotating_frame import massless_in_steps
 from ..equations.start import AbstractStart
-from ..equations.system import assemble
+from ..equations.system import assemble, structure
 from ..motion.base import Plan
 from ..motion.revolutions import check_constant_speed, check_weight, revolution_rate
 from ..motion.simulate import chosen_steps, with_nodes
@@ -213,9 +212,9 @@ def _check_scene(scene: Scene, over: Mapping[str, Any]) -> None:
 
 def _check_carry(carry: str | None, kick: float, scene: Scene) -> None:
     """Raise unless states can be carried on, and there are balls for a kick to move."""
-    if carry is not None and any(law.clock == "cage" for law in laws_of(scene)):
+    if carry is not None and "turns" in structure(scene).clocks:
         raise ValueError(
-            "`carry` takes states on at angle zero, but a contact of the scene counts turns; leave "
+            "`carry` continues each lane at angle zero, but a contact of the scene counts turns; leave "
             "`carry` out."
         )
     if not isinstance(kick, Real) or not np.isfinite(kick):

@@ -7,7 +7,15 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from own_laws import CageForce, ShaftForce, WornStop
+from own_laws import (
+    Counter,
+    Forgetful,
+    OtherCounter,
+    ShaftForce,
+    TurningForce,
+    TurningStop,
+    WornRim,
+)
 from scipy.integrate import solve_ivp
 
 import jaxrotor as jr
@@ -29,7 +37,7 @@ def rotor(*parts, spin=120.0):
 
 
 def worn(gap=GAP):
-    return rotor(UNBALANCE, WornStop(0.5, gap, STIFF, WEAR, RIM))
+    return rotor(UNBALANCE, WornRim(0.5, gap, STIFF, WEAR, RIM))
 
 
 # === a stop that wears
@@ -90,7 +98,7 @@ def test_run_of_a_stop_that_wears(how, error):
     run = jr.run_up(worn(), TIMES, **how)
     z, depth = by_scipy()
     np.testing.assert_allclose(run.displacement[:, 0], z, atol=error * np.abs(z).max())
-    np.testing.assert_allclose(run.states["worn_stop.depth"], depth, atol=error * depth[-1])
+    np.testing.assert_allclose(run.states["worn_rim.depth"], depth, atol=error * depth[-1])
     force = -STIFF * np.maximum(z.real - GAP - depth, 0.0)
     size = STIFF * np.abs(z).max()
     np.testing.assert_allclose(run.contact_force[:, 0], force, atol=5 * error * size)
@@ -104,7 +112,7 @@ def test_located_steps_keep_their_order_beside_a_state():
     for substeps in (16, 32, 64):
         run = jr.run_up(worn(), TIMES, solver=LOCATED, substeps=substeps)
         away = np.abs(run.displacement[:, 0] - z).max() / np.abs(z).max()
-        errors.append([away, np.abs(run.states["worn_stop.depth"] - depth).max() / depth[-1]])
+        errors.append([away, np.abs(run.states["worn_rim.depth"] - depth).max() / depth[-1]])
     errors = np.array(errors)
     assert (errors[1] < 1e-5).all()
     assert (np.log2(errors[:-1] / errors[1:]) > 3.5).all()
@@ -115,8 +123,8 @@ def test_derivative_of_the_wear_by_the_gap():
     scene = worn()
 
     def depth(gap):
-        run = jr.run_up(scene.replace({"worn_stop.gap": gap}), TIMES, solver=LOCATED, substeps=32)
-        return run.states["worn_stop.depth"][-1]
+        run = jr.run_up(scene.replace({"worn_rim.gap": gap}), TIMES, solver=LOCATED, substeps=32)
+        return run.states["worn_rim.depth"][-1]
 
     value, slope = jax.jvp(depth, (GAP,), (1.0,))
     step = 1e-4 * GAP
@@ -133,8 +141,8 @@ def test_lanes_of_stops_that_wear(solver):
     how = {"solver": solver, "error_sample": 0, "times": TIMES}
     if solver is not None:
         how["steps_per_revolution"] = 256
-    found = jr.sweep(worn(), {"worn_stop.gap": gaps}, **how)
-    assert list(found.state.values) == ["worn_stop.depth [m]"]
+    found = jr.sweep(worn(), {"worn_rim.gap": gaps}, **how)
+    assert list(found.state.values) == ["worn_rim.depth [m]"]
     for lane, gap in enumerate(gaps):
         end = by_scipy(gap)[1][-1]
         assert float(found.states[lane, -1, 0]) == pytest.approx(end, rel=1e-4)
@@ -147,10 +155,10 @@ def test_a_run_goes_on_from_the_wear_that_it_has():
     first, later = TIMES[:17], TIMES[16:] - TIMES[16]
     begun = jr.run_up(worn(), first, **TIGHT)
     rest = jr.run_up(worn(), later, start=begun.end, **TIGHT)
-    depth = jr.dataset(rest)["worn_stop.depth"]
+    depth = jr.dataset(rest)["worn_rim.depth"]
     assert depth.attrs["units"] == "m" and depth.dims == ("time",)
-    assert float(depth[0]) == float(begun.states["worn_stop.depth"][-1])
-    np.testing.assert_allclose(depth, whole.states["worn_stop.depth"][16:], rtol=1e-6)
+    assert float(depth[0]) == float(begun.states["worn_rim.depth"][-1])
+    np.testing.assert_allclose(depth, whole.states["worn_rim.depth"][16:], rtol=1e-6)
 
 
 @pytest.mark.slow
@@ -160,10 +168,52 @@ def test_wear_under_a_drive_that_the_rotor_holds_back():
     scene = rotor(*worn().effects[2:], spin=drive)
     one = jr.run_up(scene, TIMES, **TIGHT)
     other = jr.run_up(scene, TIMES, solver=LOCATED, substeps=64)
-    depth = one.states["worn_stop.depth"]
+    depth = one.states["worn_rim.depth"]
     assert float(depth[-1]) > 1e-6
-    np.testing.assert_allclose(other.states["worn_stop.depth"], depth, atol=1e-5 * float(depth[-1]))
+    np.testing.assert_allclose(other.states["worn_rim.depth"], depth, atol=1e-5 * float(depth[-1]))
     np.testing.assert_allclose(other.speed, one.speed, rtol=1e-7)
+
+
+# === several laws with several states
+
+
+COUNTING = rotor(Counter(0.5, 1.0), OtherCounter(0.5, 2.0), Counter(0.5, 3.0))
+COUNTED = {
+    **{"counters.0.once": 0.5, "counters.0.twice": 1.0},
+    **{"other_counter.once": 1.0, "other_counter.twice": 2.0},
+    **{"counters.1.once": 1.5, "counters.1.twice": 3.0},
+}
+
+
+@pytest.mark.parametrize("begun", [None, [1, 0, 2, 0, 3, 0]])
+def test_states_are_those_of_their_contacts(begun):
+    """In the order of the scene, whatever laws share a port; a start of whole numbers stays exact."""
+    start = jr.Launch(states=begun)
+    run = jr.run_up(COUNTING, [0.0, 0.5], start=start, solver=dfx.Dopri8())
+    assert list(run.states) == list(COUNTED)
+    moved = [float(values[-1]) for values in run.states.values()]
+    wanted = np.array(begun or np.zeros(6)) + list(COUNTED.values())
+    np.testing.assert_allclose(moved, wanted, rtol=1e-9)
+    np.testing.assert_allclose(run.end.states, wanted, rtol=1e-9)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("solver", [None, jr.Exponential(4)], ids=["integrated", "steps"])
+def test_lanes_name_the_states_of_their_contacts(solver):
+    over = {"other_counter.rate": [2.0, 4.0]}
+    how = {"times": np.linspace(0.0, 0.5, 9), "solver": solver, "observe": [jr.observe.States()]}
+    found = jr.sweep(COUNTING, over, start=jr.Launch(states=[1, 0, 2, 0, 3, 0]), **how)
+    assert list(found.state.values) == [f"{name} [rad]" for name in COUNTED]
+    wanted = np.array([1, 0, 2, 0, 3, 0]) + list(COUNTED.values())
+    np.testing.assert_allclose(found.states_end[0], wanted, rtol=1e-9)
+    np.testing.assert_allclose(found.states_end[1], wanted + [0, 0, 1, 2, 0, 0], rtol=1e-9)
+
+
+def test_a_law_of_states_without_rates_says_so():
+    with pytest.raises(
+        NotImplementedError, match="ForgetfulLaw has `states`, so it needs their `rates`"
+    ):
+        jr.run_up(rotor(Forgetful(0.5, 1.0)), [0.0, 0.5], solver=dfx.Dopri8())
 
 
 # === a force of a cage
@@ -187,7 +237,7 @@ def response(force, frequency, times):
     ids=["default", "steps", "integrated"],
 )
 def test_a_force_turns_with_a_cage(speed, how, error):
-    scene = rotor(CageForce(0.5, 30.0, 0.37), spin=speed)
+    scene = rotor(TurningForce(0.5, 30.0, 0.37), spin=speed)
     run = jr.run_up(scene, TIMES, **how)
     z = response(30.0, 0.37 * speed, TIMES)
     np.testing.assert_allclose(run.displacement[:, 0], z, atol=error * np.abs(z).max())
@@ -197,12 +247,12 @@ def test_a_force_turns_with_a_cage(speed, how, error):
 
 @pytest.mark.slow
 def test_lanes_under_a_force_of_a_cage():
-    scene = rotor(CageForce(0.5, 30.0, 0.37))
-    found = jr.sweep(scene, {"cage_force.ratio": [0.37, 0.6]}, times=TIMES, error_sample=0)
+    scene = rotor(TurningForce(0.5, 30.0, 0.37))
+    found = jr.sweep(scene, {"turning_force.ratio": [0.37, 0.6]}, times=TIMES, error_sample=0)
     for lane, ratio in enumerate((0.37, 0.6)):
         z = response(30.0, ratio * 120.0, TIMES)
         assert float(found.peak[lane]) == pytest.approx(np.abs(z).max(), rel=1e-3)
-    turned = jr.sweep(scene, {"cage_force.ratio": [0.37]}, settle=1, keep=1, error_sample=0)
+    turned = jr.sweep(scene, {"turning_force.ratio": [0.37]}, settle=1, keep=1, error_sample=0)
     z = response(30.0, 0.37 * 120.0, np.array([4 * np.pi / 120.0]))[0]
     np.testing.assert_allclose(turned.section[0, 0], [z.real, z.imag], rtol=1e-5)
 
@@ -211,7 +261,7 @@ def test_lanes_under_a_force_of_a_cage():
 def test_a_force_of_a_cage_while_the_speed_rises():
     """The angle of a profile, against SciPy."""
     profile = jr.SpeedProfile([0.0, 0.2], [60.0, 120.0])
-    scene = rotor(CageForce(0.5, 30.0, 0.37), spin=profile)
+    scene = rotor(TurningForce(0.5, 30.0, 0.37), spin=profile)
     angle = lambda t: 0.37 * (60.0 * t + 150.0 * t**2)
 
     def rates(t, y):
@@ -271,12 +321,32 @@ def test_orbits_under_a_force_of_the_shaft():
         np.testing.assert_allclose(found.displacement[0, 0], z, rtol=1e-6)
 
 
+# === a stop that turns
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("spin", [120.0, jr.SpeedProfile([0.0, 0.2], [60.0, 150.0])])
+def test_located_steps_through_a_stop_that_turns(spin):
+    """A rim pressed against a stop that turns with the shaft, through many whole turns."""
+    scene = rotor(UNBALANCE, TurningStop(0.5, 1e-4, 1e6), jr.Gravity(9.81), spin=spin)
+    runs = [jr.run_up(scene, TIMES, solver=LOCATED, substeps=count) for count in (16, 32)]
+    exact = jr.run_up(scene, TIMES, **TIGHT).displacement[:, 0]
+    away = [float(np.abs(run.displacement[:, 0] - exact).max()) for run in runs]
+    assert away[1] < 2e-6 * np.abs(exact).max() and away[0] > 8 * away[1]
+    assert np.any(runs[0].contact_force != 0) and not np.all(runs[0].contact_force != 0)
+
+
 # === refusals
+
+
+FILM = jr.JournalBearing(0.5, 1e-4, 0.05, 0.02, 0.01)
 
 
 def carried():
     return jr.sweep(
-        rotor(CageForce(0.5, 1.0, 0.4)), {"cage_force.force": [0, 1.0]}, carry="cage_force.force"
+        rotor(TurningForce(0.5, 1.0, 0.4)),
+        {"turning_force.force": [0, 1.0]},
+        carry="turning_force.force",
     )
 
 
@@ -284,15 +354,15 @@ def carried():
     ("call", "message"),
     [
         (
-            lambda: jr.harmonic_balance(rotor(UNBALANCE, CageForce(0.5, 1.0, 0.4)), harmonics=2),
-            "counts turns",
+            lambda: jr.harmonic_balance(rotor(UNBALANCE, TurningForce(0.5, 1.0, 0.4)), harmonics=2),
+            "count turns",
         ),
-        (lambda: jr.periodic(worn(), jr.Whirl(1e-4)), "states of its own"),
-        (lambda: jr.lyapunov(worn()), "states of its own"),
-        (carried, "`carry` takes states on at angle zero"),
+        (lambda: jr.periodic(worn(), jr.Whirl(1e-4)), "have states of their own"),
+        (lambda: jr.lyapunov(worn()), "have states of their own"),
+        (carried, "`carry` continues each lane at angle zero"),
         (
-            lambda: jr.sweep(worn(), {"worn_stop.gap": [1e-4]}, solver=jr.Exponential()),
-            "contacts with states or angles of their own .worn_stop., which `times` would allow",
+            lambda: jr.sweep(worn(), {"worn_rim.gap": [1e-4]}, solver=jr.Exponential()),
+            "contacts that have states or count turns .worn_rim., which `times` would allow",
         ),
         (
             lambda: jr.sweep(
@@ -301,8 +371,18 @@ def carried():
             "`States` observes states of laws, but the scene has none",
         ),
         (
+            lambda: jr.static_positions(rotor(FILM, ShaftForce(0.5, 1e-3))),
+            "for forces that stand still, but those of shaft_force turn",
+        ),
+        (
+            lambda: jr.sweep(
+                rotor(UNBALANCE), {"spin.speed": [9.0]}, start=jr.Launch(states=[0.0])
+            ),
+            "must have the shape .0,., one for each state",
+        ),
+        (
             lambda: jr.run_up(worn(), TIMES, start=jr.Launch(states=jnp.zeros(2))),
-            "must be 1 numbers, those of the laws",
+            "must have the shape .1,., one for each state",
         ),
         (
             lambda: jr.simulate(rotor(UNBALANCE), 2, start=jr.Launch(states=jnp.zeros(1))),

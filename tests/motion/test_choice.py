@@ -4,7 +4,7 @@ import re
 
 import numpy as np
 import pytest
-from own_laws import CageForce, WornStop
+from own_laws import TurningForce, WornRim
 
 import jaxrotor as jr
 from jaxrotor.motion import run_up as runs, simulate as revolutions
@@ -84,9 +84,9 @@ def drawn(rng):
     if some(0.25):
         parts.append(jr.BallBalancer(0.5, 0.02, 0.05, 0.5, rolling=1.0, places=2))
     if some(0.1):
-        parts.append(WornStop(0.5, 1e-3, 1e6, 1e-6, 0.1))
+        parts.append(WornRim(0.5, 1e-3, 1e6, 1e-6, 0.1))
     if some(0.1):
-        parts.append(CageForce(0.5, 10.0, 0.4))
+        parts.append(TurningForce(0.5, 10.0, 0.4))
     match rng.integers(4):
         case 0:
             spin = jr.SpeedProfile([0.0, 1.0], [50.0, 200.0])
@@ -151,11 +151,11 @@ STOP = jr.Limiter(0.5, 0.0, 1e-3, 1e6)
         (rotor(STOP), 2, "for contact", True, "for contact"),
         (rotor(BALLS, STOP), 4, "for balls and contact", False, "since balls .ball_balancer. move"),
         (
-            rotor(WornStop(0.5, 1e-3, 1e6, 1e-6, 0.1)),
+            rotor(WornRim(0.5, 1e-3, 1e6, 1e-6, 0.1)),
             4,
             "for states of laws and contact",
             False,
-            "since contacts .worn_stop. have states or count turns",
+            "since contacts .worn_rim. have states or count turns",
         ),
         (
             rotor(spin=jr.Drive(50.0, 2.0, polar=0.1, coulomb=1.0, feedback=True)),
