@@ -13,32 +13,26 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 from jax.lax.linalg import SvdAlgorithm, svd as _svd
-from jax.numpy.linalg import cholesky, det, eig, eigh, eigvals, inv, matrix_power, norm, qr, solve
-from jax.scipy.linalg import block_diag, expm, lu_factor, lu_solve, solve_triangular
+from jax.numpy.linalg import (
+    cholesky as cholesky,
+    det as det,
+    eig as eig,
+    eigh as eigh,
+    eigvals as eigvals,
+    inv as inv,
+    matrix_power as matrix_power,
+    norm as norm,
+    qr as qr,
+    solve as solve,
+)
+from jax.scipy.linalg import (
+    block_diag as block_diag,
+    expm as expm,
+    lu_factor as lu_factor,
+    lu_solve as lu_solve,
+    solve_triangular as solve_triangular,
+)
 from jaxtyping import Array, Float, Inexact
-
-
-__all__ = [
-    "block_diag",
-    "cholesky",
-    "cond",
-    "det",
-    "eig",
-    "eigh",
-    "eigvals",
-    "expm",
-    "inv",
-    "lu_factor",
-    "lu_solve",
-    "matrix_power",
-    "norm",
-    "pinv",
-    "qr",
-    "solve",
-    "solve_triangular",
-    "spectral_norm",
-    "svd",
-]
 
 
 def svd(
