@@ -400,8 +400,10 @@ def test_analyses_are_loaded_when_they_are_asked_for():
 
 @pytest.mark.slow
 def test_names_are_of_functions_whatever_is_loaded_first():
-    """`jaxrotor.sweep` is a module, and `jr.sweep` the function, also once the module is loaded."""
-    said = "import jaxrotor.sweep, jaxrotor.basins, jaxrotor as jr; assert callable(jr.sweep); "
+    """Modules that are loaded hide no function of the same name."""
+    said = (
+        "import jaxrotor.plot, jaxrotor.sweeps.sweep, jaxrotor as jr; assert callable(jr.sweep); "
+    )
     said += "from jaxrotor import basins, plot; assert callable(basins); assert plot is jr.plot; "
     said += "import jax.numpy as jnp; assert jnp.ones(1).dtype == 'float64'; "
     said += "assert {'sweep', 'plot', 'Disc'} <= set(dir(jr)) and 'lazy_loader' not in dir(jr)"

@@ -24,7 +24,7 @@ def state(z: complex, v: complex) -> jr.Continued:
     return jr.Continued(jnp.asarray([z + 0j]), jnp.asarray([v + 0j]))
 
 
-def path(response: jr.Response) -> tuple[np.ndarray, np.ndarray]:
+def path(response: jr.TimeHistory) -> tuple[np.ndarray, np.ndarray]:
     """Displacement and velocity at the observed station."""
     return np.asarray(response.displacement[:, 0]), np.asarray(response.velocity[:, 0])
 

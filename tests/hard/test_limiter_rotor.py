@@ -27,7 +27,7 @@ FEW = ROTOR.with_nodes(3)  # for what does not look at digits of the rotor
 WHIRL = jr.Whirl(0.012 * LENGTH, -10 / UNIT)
 
 
-def tip(response: jr.Response) -> np.ndarray:
+def tip(response: jr.TimeHistory) -> np.ndarray:
     return np.asarray(response.displacement[:, 0])
 
 

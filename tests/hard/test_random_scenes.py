@@ -48,7 +48,7 @@ def numbers(draw) -> dict[str, float]:
     return values
 
 
-def run(scene: jr.Scene, start=START) -> jr.Response:
+def run(scene: jr.Scene, start=START) -> jr.TimeHistory:
     r = jr.simulate(scene, TURNS, STEPS, start=start)
     assert all(np.isfinite(leaf).all() for leaf in jax.tree.leaves((r.velocity, r.contact_force)))
     return r

@@ -39,7 +39,7 @@ def whirl_rate(z: np.ndarray, steps: int) -> float:
 
 
 @functools.cache
-def rub(name: str, order: int) -> jr.Response:
+def rub(name: str, order: int) -> jr.TimeHistory:
     """200 revolutions of a backward rub, settled for 100, of a shaft of ten nodes or trapezoidal cells."""
     start = whirl(0.012, -10) if name == "right" else whirl(0.02, -13.9)
     turned = {"shaft.polar_ratio": -2.0, "disc.polar": -RIGHT.get("disc.polar")}
