@@ -1,7 +1,7 @@
 """Law: the force on the shaft at a station, by the motion there, the rotation and its own states."""
 
 import abc
-from typing import ClassVar, Literal, NamedTuple
+from typing import Any, ClassVar, Literal, NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -48,6 +48,18 @@ class AbstractLaw(eqx.Module):
     steep: ClassVar[bool] = False  # whether it has no bound, so that steps need an error estimate
     states: ClassVar[tuple[str, ...]] = ()  # names with units, such as "wear [m]"
     clock: ClassVar[Literal["revolution", "turns"] | None] = None  # None: no angle is given
+
+    def __init_subclass__(cls, **options: Any):
+        super().__init_subclass__(**options)
+        if cls.clock not in (None, "revolution", "turns"):
+            raise ValueError(
+                f'`clock` of {cls.__name__} must be "revolution", "turns" or None, but is {cls.clock!r}.'
+            )
+        if not isinstance(cls.states, tuple):
+            raise ValueError(
+                f'`states` of {cls.__name__} must be a tuple of texts such as ("wear [m]",), but is '
+                f"{cls.states!r}."
+            )
 
     @property
     def elementwise(self) -> bool:

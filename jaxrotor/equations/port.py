@@ -32,8 +32,9 @@ class Port(eqx.Module):
 
     def begin(self) -> States:
         """States of all laws at the start of a motion, stack by stack."""
-        parts = [jax.vmap(lambda law: law.begin())(stack) for stack in self.laws if stack.states]
-        return jnp.concatenate([jnp.zeros(0), *(part.ravel().astype(float) for part in parts)])
+        begin = lambda law: _as_states(law, "begin", law.begin())
+        parts = [jax.vmap(begin)(stack) for stack in self.laws if stack.states]
+        return jnp.concatenate([jnp.zeros(0), *(part.ravel() for part in parts)])
 
     def forces(self, displacement: Array, velocity: Array, now: Now) -> Float[Array, "k 2 ..."]:
         """Force of every law at this port [N], in the order of `System.members`.
@@ -47,13 +48,14 @@ class Port(eqx.Module):
         self, forces: Float[Array, "k 2 ..."], displacement: Array, velocity: Array, now: Now
     ) -> States:
         """Rates of the states of all laws per second, stack by stack, by their forces [N]."""
-        call = lambda law, now, force: law.rates(force, displacement, velocity, now)
+        call = lambda law, now, force: _as_states(
+            law, "rates", law.rates(force, displacement, velocity, now)
+        )
         parts = zip(self._stacks(now), self._of_stacks(forces), strict=True)
         found = [jnp.zeros((0, *forces.shape[2:]))]
         for (stack, own), force in parts:
             if stack.states:
                 rates = _mapped(call)(stack, own, force)
-                _check_rates(stack, rates[0])
                 found.append(rates.reshape(-1, *rates.shape[2:]))
         return jnp.concatenate(found)
 
@@ -151,13 +153,15 @@ def _mapped(call: Callable) -> Callable:
     return every
 
 
-def _check_rates(law: AbstractLaw, rates: States) -> None:
-    """Raise unless there is a rate for every state of a law."""
-    if rates.shape[:1] != (len(law.states),):
+def _as_states(law: AbstractLaw, name: str, values: Any) -> States:
+    """Values that a method of a law returned; raises unless there is one for each of its states."""
+    values = jnp.asarray(values, float)
+    if values.shape[:1] != (len(law.states),):
         raise ValueError(
-            f"`rates` of {type(law).__name__} must have one for each of its {len(law.states)} `states`, "
-            f"but has the shape {rates.shape}."
+            f"`{name}` of {type(law).__name__} must return a number for each of its {len(law.states)} "
+            f"`states`, but returned the shape {values.shape}."
         )
+    return values
 
 
 def count_of(stack: AbstractLaw) -> int:

@@ -72,7 +72,9 @@ def _scene(document: Table, prefix: str) -> Scene:
                 for name in (*known, *named)
             } | {word: f"[{kind}]" for word, kind in _OTHER_WORDS.items()}
             near = suggest(key, names, names.get)
-            refuse(f"{prefix}{key}", f"is not a part of a scene{near}; it has: {', '.join(known)}.")
+            own = "" if near else "; a part of your own is known once its class is defined"
+            parts = f"{near}; it has: {', '.join(known)}{own}."
+            refuse(f"{prefix}{key}", f"is not a part of a scene{parts}")
     _check_keys(document, document, ("shaft", "spin"), prefix, "scene")
     for key in TEXTS:
         if not isinstance(document.get(key, ""), str):

@@ -20,7 +20,7 @@ from ..equations.pencil import check_moves
 from ..equations.rigid_motions import check_held, unheld
 from ..equations.speed_tables import check_tables
 from ..equations.start import AbstractStart
-from ..equations.stationary_frame import Motion
+from ..equations.stationary_frame import Motion, check_no_states
 from ..equations.system import System, assemble, has_massless, structure
 from ..scene import Scene
 from ..solvers.basis import Count, Dense, ModalBasis, Rotation, SlotBasis, SlotRotation
@@ -323,9 +323,11 @@ def joined(revolutions: Array) -> Array:
 def check_constant(scene: Scene, what: str) -> None:
     """Raise unless a scene is held and has a constant speed and mass at all coordinates, as `what` needs.
 
-    The speed must be one for which tables of coefficients have values.
+    The speed must be one for which tables of coefficients have values, and no law has states or counts
+    turns.
     """
     check_constant_speed(scene, what)
+    check_no_states(structure(scene), what, "follow its motion by `jaxrotor.simulate`")
     check_tables(scene)
     check_mass(scene, what)
     check_held(scene, what, contact=True)

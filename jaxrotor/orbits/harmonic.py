@@ -20,7 +20,7 @@ from ..core.quantities import Scalar, known
 from ..effects.law import Now
 from ..equations.pencil import check_alike, check_moves
 from ..equations.start import Continued
-from ..equations.stationary_frame import RUN_UP, check_no_balls, check_no_states
+from ..equations.stationary_frame import RUN_UP, check_no_balls
 from ..equations.system import System, assemble, port_groups
 from ..motion.history import TimeHistory
 from ..motion.rebounds import pilot_run
@@ -247,7 +247,6 @@ def _check(system: System) -> None:
     check_moves(system)
     check_alike(system, "Harmonic balance", RUN_UP)
     check_no_balls(system, "Harmonic balance", RUN_UP)
-    check_no_states(system, "Harmonic balance", RUN_UP)
     if any(law.kinked for port in system.ports for law in port.laws):
         raise ValueError(
             "Harmonic balance takes smooth contact, but there are sharp stops; give them `blend` and "

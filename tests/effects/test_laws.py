@@ -19,6 +19,8 @@ from own_laws import (
 from scipy.integrate import solve_ivp
 
 import jaxrotor as jr
+from jaxrotor.effects.law import AbstractSmoothLaw
+from jaxrotor.equations.port import Port, _as_states
 
 
 K, MASS, C, ECC = 1e5, 10.0, 100.0, 1e-4
@@ -209,6 +211,22 @@ def test_lanes_name_the_states_of_their_contacts(solver):
     np.testing.assert_allclose(found.states_end[1], wanted + [0, 0, 1, 2, 0, 0], rtol=1e-9)
 
 
+def test_a_law_that_is_misspelt_says_so():
+    """When its class is defined, or when its states begin."""
+    base = {"__call__": lambda self, displacement, velocity, now: displacement}
+    with pytest.raises(ValueError, match='`clock` of Bad must be "revolution", "turns" or None'):
+        type("Bad", (AbstractSmoothLaw,), base | {"clock": "cage"})
+    with pytest.raises(ValueError, match="`states` of Bad must be a tuple of texts"):
+        type("Bad", (AbstractSmoothLaw,), base | {"states": "wear [m]"})
+    law = COUNTING.of(Counter)[0].law()
+    short = Port(jnp.ones(1), jnp.ones(1), jnp.zeros(()), (jax.tree.map(lambda x: x[None], law),))
+    with pytest.raises(
+        ValueError, match="`begin` of CounterLaw must return a number for each of its 2"
+    ):
+        _as_states(law, "begin", [0.0])
+    np.testing.assert_array_equal(short.begin(), [0.0, 0.0])
+
+
 def test_a_law_of_states_without_rates_says_so():
     with pytest.raises(
         NotImplementedError, match="ForgetfulLaw has `states`, so it needs their `rates`"
@@ -357,8 +375,8 @@ def carried():
             lambda: jr.harmonic_balance(rotor(UNBALANCE, TurningForce(0.5, 1.0, 0.4)), harmonics=2),
             "count turns",
         ),
-        (lambda: jr.periodic(worn(), jr.Whirl(1e-4)), "have states of their own"),
-        (lambda: jr.lyapunov(worn()), "have states of their own"),
+        (lambda: jr.periodic(worn(), jr.Whirl(1e-4)), "`periodic` is for forces that the motion"),
+        (lambda: jr.lyapunov(worn()), "have states of their own or count turns; follow its motion"),
         (carried, "`carry` continues each lane at angle zero"),
         (
             lambda: jr.sweep(worn(), {"worn_rim.gap": [1e-4]}, solver=jr.Exponential()),
