@@ -1,6 +1,7 @@
 """Fields of classes in the reference: unit, default and comment, from the one line that declares each."""
 
 import io
+import itertools
 import re
 import tokenize
 
@@ -36,6 +37,9 @@ PLAIN = {  # fields that are declared without a comment
     "Tuned.scene": "tuned scene",
     "Tuned.seed": "seed of the random starts",
     "Uncertainty.covariance": "covariance C, SI",
+    "AbstractRub.at": "station of the contact [m]",
+    "AbstractRub.kind": KIND,
+    "AbstractRub.plural": PLURAL,
     "AbstractBodies.at": "station of the race [m]",
     "AbstractCasing.name": "name by which supports refer to it",
     "AbstractContact.at": "station of the contact [m]",
@@ -144,10 +148,15 @@ def _described(field):
 
 
 def _comment(field):
-    """What stands behind the declaration, or below it."""
-    below = field.filepath.read_text("utf-8").splitlines()[field.endlineno :][:1]
-    here = "\n".join(line.strip() for line in field.lines)
-    return _behind(here) or _behind("\n".join(line.strip() for line in below if "# " in line[:6]))
+    """What stands behind the declaration, or above it, or below it."""
+    lines = field.filepath.read_text("utf-8").splitlines()
+    is_comment = lambda line: line.startswith("    # ")
+    above = list(itertools.takewhile(is_comment, reversed(lines[: field.lineno - 1])))
+    below = [line for line in lines[field.endlineno :][:1] if is_comment(line)]
+    for near in (field.lines, above[::-1], below):
+        if found := _behind("\n".join(line.strip() for line in near)):
+            return found
+    return ""
 
 
 def _behind(source):

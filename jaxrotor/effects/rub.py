@@ -33,8 +33,8 @@ class AbstractRub(AbstractContact):
 class Touch(NamedTuple):
     """Motion of the rim relative to a contact."""
 
-    cos: Scalar  # of the direction outward
-    sin: Scalar
+    cos: Scalar  # of the direction outward, to the contact
+    sin: Scalar  # of the same
     depth: Scalar  # penetration p [m]
     rate: Scalar  # of the penetration [m/s]
     slip: Scalar  # of the rim along the contact [m/s]
@@ -47,7 +47,7 @@ class AbstractRubLaw(AbstractLaw):
     Conditions of a branch: in contact, under pressure, and slipping forward (1/2 without slip).
     """
 
-    contact: eqx.AbstractVar[AbstractRub]
+    contact: eqx.AbstractVar[AbstractRub]  # whose law it is
 
     @abc.abstractmethod
     def touch(self, displacement: Plane, velocity: Plane, now: Now) -> Touch:
