@@ -75,6 +75,17 @@ class WornLaw(AbstractLaw):
         return self.stop.gap - displacement[0]
 
 
+class AbstractFreeLaw(AbstractSmoothLaw):
+    """Law without a torque and without a stiffness that would limit the steps."""
+
+    def torque(self, force, displacement, velocity, now):
+        return jnp.zeros(())
+
+    def hardness(self):
+        zero = jnp.zeros(())
+        return Hardness(zero, zero, jnp.zeros(2), zero)
+
+
 class TurningForce(AbstractContact):
     """Force that turns with a cage: `F = f exp(i r theta)`."""
 
@@ -91,7 +102,7 @@ class TurningForce(AbstractContact):
         return TurningLaw(self.force, self.ratio, self.angle)
 
 
-class TurningLaw(AbstractSmoothLaw):
+class TurningLaw(AbstractFreeLaw):
     """Law of a `TurningForce`."""
 
     clock: ClassVar = "turns"
@@ -107,13 +118,6 @@ class TurningLaw(AbstractSmoothLaw):
     def __call__(self, displacement, velocity, now):
         angle = self.ratio * now.angle + self.phase
         return self.force * jnp.stack([jnp.cos(angle), jnp.sin(angle)])
-
-    def torque(self, force, displacement, velocity, now):
-        return jnp.zeros(())
-
-    def hardness(self):
-        zero = jnp.zeros_like(self.force)
-        return Hardness(zero, zero, jnp.zeros(2), zero)
 
 
 class ShaftForce(AbstractContact):
@@ -131,7 +135,7 @@ class ShaftForce(AbstractContact):
         return ShaftLaw(self.moment)
 
 
-class ShaftLaw(AbstractSmoothLaw):
+class ShaftLaw(AbstractFreeLaw):
     """Law of a `ShaftForce`."""
 
     clock: ClassVar = "revolution"
@@ -141,13 +145,6 @@ class ShaftLaw(AbstractSmoothLaw):
     def __call__(self, displacement, velocity, now):
         size = self.moment * now.speed**2
         return size * jnp.stack([jnp.cos(now.angle), jnp.sin(now.angle)])
-
-    def torque(self, force, displacement, velocity, now):
-        return jnp.zeros(())
-
-    def hardness(self):
-        zero = jnp.zeros_like(self.moment)
-        return Hardness(zero, zero, jnp.zeros(2), zero)
 
 
 class Counter(AbstractContact):
@@ -165,7 +162,7 @@ class Counter(AbstractContact):
         return CounterLaw(self.rate)
 
 
-class CounterLaw(AbstractSmoothLaw):
+class CounterLaw(AbstractFreeLaw):
     """Law of a `Counter`."""
 
     states: ClassVar[tuple[str, ...]] = ("once [rad]", "twice [rad]")
@@ -177,13 +174,6 @@ class CounterLaw(AbstractSmoothLaw):
 
     def rates(self, force, displacement, velocity, now):
         return self.rate * jnp.array([1.0, 2.0])
-
-    def torque(self, force, displacement, velocity, now):
-        return jnp.zeros(())
-
-    def hardness(self):
-        zero = jnp.zeros_like(self.rate)
-        return Hardness(zero, zero, jnp.zeros(2), zero)
 
 
 class OtherCounter(AbstractContact):
@@ -201,7 +191,7 @@ class OtherCounter(AbstractContact):
         return OtherLaw(CounterLaw(self.rate))
 
 
-class OtherLaw(AbstractSmoothLaw):
+class OtherLaw(AbstractFreeLaw):
     """Law of an `OtherCounter`."""
 
     states: ClassVar[tuple[str, ...]] = CounterLaw.states
@@ -213,12 +203,6 @@ class OtherLaw(AbstractSmoothLaw):
 
     def rates(self, force, displacement, velocity, now):
         return self.inner.rates(force, displacement, velocity, now)
-
-    def torque(self, force, displacement, velocity, now):
-        return jnp.zeros(())
-
-    def hardness(self):
-        return self.inner.hardness()
 
 
 class Forgetful(AbstractContact):
@@ -236,7 +220,7 @@ class Forgetful(AbstractContact):
         return ForgetfulLaw(CounterLaw(self.rate))
 
 
-class ForgetfulLaw(AbstractSmoothLaw):
+class ForgetfulLaw(AbstractFreeLaw):
     """Law of a `Forgetful`."""
 
     states: ClassVar[tuple[str, ...]] = ("once [rad]",)
@@ -245,12 +229,6 @@ class ForgetfulLaw(AbstractSmoothLaw):
 
     def __call__(self, displacement, velocity, now):
         return self.inner(displacement, velocity, now)
-
-    def torque(self, force, displacement, velocity, now):
-        return jnp.zeros(())
-
-    def hardness(self):
-        return self.inner.hardness()
 
 
 class TurningStop(AbstractContact):

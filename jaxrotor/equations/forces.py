@@ -76,8 +76,11 @@ def contact_torque(system: System, now: Kinematics, contacts: Contacts) -> Scala
     return torque
 
 
-def state_rates(system: System, now: Kinematics, contacts: Contacts) -> States:
-    """Rates of the states of all laws per second."""
+def state_rates(system: System, now: Kinematics, contacts: Contacts | None = None) -> States:
+    """Rates of the states of all laws per second, by the forces of the contacts where these are known."""
+    if not system.state_count:
+        return now.states
+    contacts = contacts_of(system, now) if contacts is None else contacts
     pairs = zip(port_motion(system, now), contacts, strict=True)
     return of_all(system.ports, [port.rates(forces, *motion) for (port, motion), forces in pairs])
 

@@ -14,7 +14,6 @@ from ..core.blocks import Blocks
 from ..core.compiled import compiled
 from ..core.plane import plane
 from ..core.quantities import Scalar, known
-from ..effects.law import States
 from ..scene import Scene
 from ..spins.base import Turning
 from ..spins.constant import ConstantSpeed
@@ -119,14 +118,8 @@ class Transient(eqx.Module):
             jnp.full(free, acceleration / rate),
             rate * y.bodies_rate,
             (now.bodies_acceleration - acceleration) / rate,
-            self._state_rates(now),
+            state_rates(self.system, now),
         )
-
-    def _state_rates(self, now: Kinematics) -> States:
-        """Rates of the states of laws per second."""
-        if not self.system.state_count:
-            return now.states
-        return state_rates(self.system, now, contacts_of(self.system, now))
 
     def breakaway_torque(self, time: Scalar, y: RotatingState) -> Array:
         """Torque on a spin at rest that dry friction has to hold [N m]."""

@@ -43,8 +43,8 @@ def system_of_march(
     named, chosen = isinstance(solver, Exponential), solver is None
     if system.races:
         return None, f"since balls ({system.owners_of('bodies')}) move with the rotor"
-    if system.laws_with(has_memory):
-        return None, f"since contacts ({system.laws_with(has_memory)}) have states or count turns"
+    if remembering := system.laws_with(has_memory):
+        return None, f"since contacts ({remembering}) have states or count turns"
     if not (start is None or is_whole(start)):
         return None, "since the start is not that of a revolution"
     if chosen and system.steep:
@@ -128,10 +128,11 @@ def check_steppable(
     system = assemble(scene) if system is None else system
     check_known_in_time(system)
     reason = unsteppable(system)
-    if revolutions and (system.races or system.laws_with(has_memory)):
-        parts = system.owners_of("bodies") if system.races else system.laws_with(has_memory)
-        moves = "balls" if system.races else "contacts that have states or count turns"
-        reason = f"there are {moves} ({parts}), which `times` would allow"
+    if revolutions and system.races:
+        reason = f"there are balls ({system.owners_of('bodies')}), which `times` would allow"
+    elif revolutions and (remembering := system.laws_with(has_memory)):
+        moves = f"contacts that have states or count turns ({remembering})"
+        reason = f"there are {moves}, which `times` would allow"
     if reason is None:
         massless = has_massless(scene, system)
         reason = "a part of the rotor has no mass" if massless else None

@@ -271,8 +271,7 @@ def after(scene: Scene, launch: Launch) -> Scene:
 
 def with_balls(scene: Scene, launch: Launch) -> Launch:
     """The launch with balls for every race; raises unless it has as many, and states, as the scene."""
-    count = len(state_names(scene))
-    if launch.states is not None and launch.states.shape != (count,):
+    if launch.states is not None and launch.states.shape != (count := len(state_names(scene)),):
         raise ValueError(
             f"`states` of the start must have the shape ({count},), one for each state of the laws of "
             f"the scene, but have {launch.states.shape}; take `motion.end` of the same scene, or leave "
