@@ -30,7 +30,6 @@ from rich.console import Console  # noqa: E402
 from rich.table import Table  # noqa: E402
 
 import jaxrotor as jr  # noqa: E402
-from jaxrotor.motion.revolutions import collect_lanes  # noqa: E402
 from jaxrotor.sweeps.observable import Turn, updated  # noqa: E402
 
 
@@ -48,7 +47,7 @@ def whirl_rates(shared, own, y, revolutions: int):
 
     def lane(own, y):
         march = eqx.combine(own, shared)
-        (_, seen, _), _ = collect_lanes(march, y, precession.start(0), update, revolutions)
+        (_, seen, _), _ = march.collect(y, precession.start(0), update, revolutions)
         return seen["whirl"] / seen["weight"]
 
     return jax.vmap(lane)(own, y)

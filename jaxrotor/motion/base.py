@@ -9,14 +9,19 @@ import diffrax as dfx
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Complex, Float
+from jaxtyping import Array, Bool, Complex, Float
 
 from ..core.outcome import Outcome
 from ..core.quantities import Number, Scalar
+from ..effects.law import Now
 from ..equations.massless_coordinates import Massless
 from ..equations.start import AbstractStart
+from ..equations.system import System
 from ..solvers.basis import Count
 from ..solvers.exponential import Exponential
+from ..solvers.lanes import lanes_last
+from ..solvers.located import LocatedStep
+from ..solvers.step import Step
 
 
 SHORT = 20  # windows, below which every one is a checkpoint
@@ -68,10 +73,22 @@ class Bodies(eqx.Module):
 class AbstractMarch(eqx.Module):
     """Motion of one scene, advanced by whole windows.
 
-    A window is a revolution at constant speed, or a stretch of evenly spaced samples along times.
+    A window is a revolution at constant speed, or a stretch of evenly spaced samples along times. Lanes
+    that are stepped go `together` under `jax.vmap`, as one array: see docs/concepts/lanes.md.
     """
 
     plan: eqx.AbstractVar[Plan]
+
+    @property
+    def together(self) -> bool:
+        """Whether lanes under `jax.vmap` have their windows by `rows`."""
+        return self.plan.batch and isinstance(getattr(self, "step", None), Step | LocatedStep)
+
+    def rows(
+        self, y: Float[Array, "y lanes"], *, observed: bool
+    ) -> tuple[Float[Array, "y lanes"], Window | None, Outcome]:
+        """State after a window, its motion where it is `observed`, and its outcome, all lanes last."""
+        raise NotImplementedError(f"{type(self).__name__} has no lanes that go together.")
 
     @abc.abstractmethod
     def begin(self, start: AbstractStart, at: Scalar) -> Array:
@@ -107,6 +124,8 @@ class AbstractMarch(eqx.Module):
 
         With a traced number of windows one program serves all lengths, in forward mode alone.
         """
+        if self.together:
+            return lanes_last(lambda march, y: march._through_rows(y, windows), self, y)
 
         def one(carry, _):
             y, good = carry
@@ -123,8 +142,12 @@ class AbstractMarch(eqx.Module):
     def collect(self, y: Array, carry: Any, update: Callable, windows: int) -> Any:
         """Whole windows, with `carry, out = update(carry, window, number)` after each, from number 0.
 
-        Returns `(state at the end, carry, outcome)` and the stacked `out` of all windows.
+        Returns `(state at the end, carry, outcome)` and the stacked `out` of all windows. Where lanes go
+        `together`, `update` has windows and carries of all lanes, along their last axis.
         """
+        if self.together:
+            of_all = lambda parts, y: parts[0]._collect_rows(y, parts[1], update, windows)
+            return lanes_last(of_all, (self, carry), y)
 
         def one(state, _):
             number, y, carry, good = state
@@ -135,6 +158,29 @@ class AbstractMarch(eqx.Module):
         begin = jnp.array(0), y, carry, Outcome.good()
         (_, *end), out = self.repeat(one, begin, windows)
         return end, out
+
+    def _through_rows(self, y: Float[Array, "y lanes"], windows: Count) -> tuple[Array, Outcome]:
+        """`step_through`, lanes last."""
+
+        def one(_, carry):
+            y, good = carry
+            y, _, ok = self.rows(y, observed=False)
+            return y, good & ok
+
+        return jax.lax.fori_loop(0, windows, one, (y, Outcome.good(y.shape[-1])))
+
+    def _collect_rows(self, y: Float[Array, "y lanes"], carry: Any, update: Callable, windows: int):
+        """`collect`, lanes last."""
+
+        def one(state, number):
+            y, carry, good = state
+            y, window, ok = self.rows(y, observed=True)
+            carry, out = update(carry, window, number)
+            return (y, carry, good & ok), out
+
+        of_all = lambda leaf: jnp.broadcast_to(leaf, (*leaf.shape[:-1], y.shape[-1]))
+        begin = y, jax.tree.map(of_all, carry), Outcome.good(y.shape[-1])
+        return jax.lax.scan(one, begin, jnp.arange(windows))
 
     def repeat(self, body: Callable, carry: Any, length: int) -> Any:
         """Scan over windows; in reverse mode memory grows as the root of their number."""
@@ -166,6 +212,23 @@ def _segment(length: int) -> int:
     return min(near, key=lambda n: abs(n - root), default=root)
 
 
-def bounded(y: Array) -> Array:
+def bounded(y: Float[Array, "y ..."]) -> Bool[Array, "..."]:
     """Whether a state and its squares, which observables compute, are finite."""
-    return jnp.all(jnp.abs(y) < jnp.finfo(y.dtype).max ** 0.4)
+    return jnp.all(jnp.abs(y) < jnp.finfo(y.dtype).max ** 0.4, axis=0)
+
+
+def contact_forces(
+    system: System,
+    samples: Float[Array, "T 2 2 r ..."],
+    now: Now,
+    sampled: Now,
+) -> Complex[Array, "T k ..."]:
+    """Forces of all contacts by readings of a window, the last of which are those of the ports [N].
+
+    What laws are given `now` has an axis of samples where `sampled` says 0 in place of None. Lanes are a
+    last axis of all, by elementwise laws alone.
+    """
+    ports = samples[:, :, :, samples.shape[3] - len(system.ports) :]
+    place, velocity = jnp.moveaxis(ports, (2, 1), (0, 3))  # (T, p, xy, ..) each
+    vectors = jax.vmap(system.contact_forces, in_axes=(0, 0, sampled))(place, velocity, now)
+    return jax.lax.complex(vectors[:, :, 0], vectors[:, :, 1])

@@ -1,7 +1,6 @@
 """March: a motion at constant speed, advanced revolution by revolution."""
 
 import dataclasses
-from collections.abc import Callable
 from typing import Any, cast
 
 import diffrax as dfx
@@ -27,13 +26,13 @@ from ..solvers.basis import Count, Dense, ModalBasis, Rotation, SlotBasis, SlotR
 from ..solvers.control import step_control, tuned
 from ..solvers.exponential import Exponential, revolution, revolution_of_lanes
 from ..solvers.form import AbstractForm, PhysicalForm
-from ..solvers.lanes import lanes_last, per_lane
+from ..solvers.lanes import per_lane
 from ..solvers.located import LocatedStep
 from ..solvers.ports import PortForm, take_lanes
 from ..solvers.remainder import RemainderMap
 from ..solvers.step import Step
 from ..spins.constant import ConstantSpeed
-from .base import AbstractMarch, Plan, Window, bounded
+from .base import AbstractMarch, Plan, Window, bounded, contact_forces
 
 
 class March(AbstractMarch):
@@ -150,6 +149,28 @@ class March(AbstractMarch):
         y, samples, ok = self.sample(y)
         return y, self.named(samples), ok
 
+    def rows(self, y, *, observed):
+        plan, form, step = self.plan, self.form, self.step
+        assert isinstance(form, PortForm) and step is not None
+        fused = isinstance(plan.solver, Exponential) and plan.solver.fused
+        stations = form.stations if observed else None
+        done = revolution_of_lanes(step, stations, y, plan.steps, fused=fused)
+        ends = y, done.end, True, done.unresolved
+        if done.samples is None:
+            outcome = per_lane(lambda march, ends: march._outcome(*ends), self, ends)
+            return done.end, None, outcome
+        samples = done.samples.reshape(plan.steps + 1, 2, 2, -1, y.shape[-1])
+        together = plan.contacts and self.system.members and take_lanes(self.system.ports)
+
+        def named(march: March, moved: Any) -> tuple[Window, Outcome]:
+            samples, ends = moved
+            return march.named(samples, forceless=bool(together)), march._outcome(*ends)
+
+        window, outcome = per_lane(named, self, (samples, ends))
+        if together:
+            window = dataclasses.replace(window, contact_force=self.forces(samples))
+        return done.end, window, outcome
+
     def sample(self, y: Array) -> tuple[Array, Float[Array, "T 2 2 r"], Outcome]:
         """One revolution: state at its end, readings at its `steps + 1` samples, outcome."""
         if self.step is None and isinstance(self.form, PortForm):
@@ -184,20 +205,15 @@ class March(AbstractMarch):
 
     def forces(self, samples: Float[Array, "T 2 2 r ..."]) -> Complex[Array, "T k ..."]:
         """Forces of all contacts by the readings of `sample`, of lanes along a last axis as well [N]."""
-        ports = samples[:, :, :, -len(self.system.ports) :]
-        place, velocity = jnp.moveaxis(ports, (2, 1), (0, 3))  # (T, p, xy, ..) each
         angle = self.form.motion.s * self._grid() if self.system.clocks else None
-        of_sample = jax.vmap(self.system.contact_forces, in_axes=(0, 0, cast(Any, Now)(None, 0)))
-        vectors = of_sample(place, velocity, Now(self.system.spin.speed, angle))
-        return jax.lax.complex(vectors[:, :, 0], vectors[:, :, 1])
+        now = Now(self.system.spin.speed, angle)
+        return contact_forces(self.system, samples, now, cast(Any, Now)(None, 0))
 
     def _grid(self) -> Float[Array, " T"]:
         return jnp.linspace(0.0, self.span, self.plan.steps + 1)
 
     def _step(self, y: Array, *, sample: bool) -> tuple[Array, Any, Outcome]:
         """One revolution, by plain steps, by located ones or by diffrax."""
-        if isinstance(self.step, LocatedStep):
-            return self._locate(self.step, y, sample=sample)
         if self.step is None:
             return self._solve(y, sample=sample)
         plan, form = self.plan, self.form
@@ -205,23 +221,9 @@ class March(AbstractMarch):
         stations = form.stations if sample else None
         fused = isinstance(plan.solver, Exponential) and plan.solver.fused
         how = {"batch": plan.batch, "fused": fused}
-        y1, samples = revolution(self.step, y, plan.steps, stations, **how)
+        y1, samples, unresolved = revolution(self.step, y, plan.steps, stations, **how)
         if samples is not None:
             samples = samples.reshape(plan.steps + 1, 2, 2, -1)
-        return y1, samples, self._outcome(y, y1)
-
-    def _locate(self, step: LocatedStep, y: Array, *, sample: bool) -> tuple[Array, Any, Outcome]:
-        """One revolution by located steps."""
-        grid = self._grid()
-
-        def one(carry, theta):
-            y, unresolved = carry
-            y1, _, more = step.advance(theta, y, batch=self.plan.batch)
-            return (y1, unresolved + more), self.form.read(theta, y) if sample else None
-
-        (y1, unresolved), samples = jax.lax.scan(one, (y, jnp.zeros((), int)), grid[:-1])
-        if samples is not None:
-            samples = jnp.concatenate([samples, self.form.read(grid[-1], y1)[None]])
         return y1, samples, self._outcome(y, y1, unresolved=unresolved)
 
     def _solve(self, y: Array, *, sample: bool) -> tuple[Array, Any, Outcome]:
@@ -268,44 +270,6 @@ class March(AbstractMarch):
             info = jnp.finfo(y.dtype)  # with `tiny`, a state that has decayed to zero shows nothing
             touched = change > info.eps**0.5 * jnp.max(jnp.abs(y1)) + info.tiny**0.5
         return Outcome(bounded(y1), jnp.asarray(solved), jnp.asarray(unresolved), touched)
-
-
-def collect_lanes(march: March, y: Array, carry: Any, update: Callable, windows: int) -> Any:
-    """`march.collect(y, carry, update, windows)`; under `jax.vmap`, plain steps have lanes last in all.
-
-    `update` then has windows and carries of all lanes, along their last axis.
-    """
-    if not (march.plan.batch and isinstance(march.step, Step)):
-        return march.collect(y, carry, update, windows)
-    of_all = lambda parts, y: _collect_rows(parts[0], parts[1], y, update, windows)
-    return lanes_last(of_all, (march, carry), y)
-
-
-def _collect_rows(march: March, carry: Any, y: Array, update: Callable, windows: int) -> Any:
-    """The same, lanes last."""
-    plan, form, step = march.plan, march.form, march.step
-    assert isinstance(form, PortForm) and isinstance(step, Step)
-    fused = isinstance(plan.solver, Exponential) and plan.solver.fused
-    together = plan.contacts and march.system.members and take_lanes(march.system.ports)
-
-    def observed(march: March, moved: Any) -> tuple[Window, Outcome]:
-        y, y1, samples = moved
-        return march.named(samples, forceless=bool(together)), march._outcome(y, y1)
-
-    def one(state, number):
-        y, carry, good = state
-        y1, samples = revolution_of_lanes(step, form.stations, y, plan.steps, fused=fused)
-        samples = jnp.asarray(samples).reshape(plan.steps + 1, 2, 2, -1, y.shape[-1])
-        window, ok = per_lane(observed, march, (y, y1, samples))
-        if together:
-            window = dataclasses.replace(window, contact_force=march.forces(samples))
-        carry, out = update(carry, window, number)
-        return (y1, carry, good & ok), out
-
-    of_all = lambda leaf: jnp.broadcast_to(leaf, (*leaf.shape[:-1], y.shape[-1]))
-    good = jax.tree.map(lambda leaf: of_all(jnp.asarray(leaf)[..., None]), Outcome.good())
-    begin = y, jax.tree.map(of_all, carry), good
-    return jax.lax.scan(one, begin, jnp.arange(windows))
 
 
 def _splits(solver: dfx.AbstractSolver) -> bool:

@@ -11,6 +11,7 @@ from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Bool, Complex, Float, Int
 
 from ..core.blocks import unbalance_factor
+from ..core.plane import direction
 from ..core.quantities import Scalar
 from ..equations.coupled import INSIDE, AuxiliaryState, CoupledForces, Instant
 from ..equations.fixed_axes import FixedAxes, SpeedTerms
@@ -21,10 +22,50 @@ from ..solvers.basis import Basis
 from ..solvers.forcing import AlongTimes, Coupled, KnownRotation, Sizes
 from ..solvers.rotor import RotorAtSpeed
 from ..solvers.step import AbstractForcing, Step, StepData
-from ..spins.base import Turning
+from ..spins.base import AbstractSpin, Turning
 from .exact import exact_motion
 from .speeds import decomposed_at, turning
 from .stepped import Stepping
+
+
+class Schedule(eqx.Module):
+    """Rotation known in time, and the loads that follow from it."""
+
+    spin: AbstractSpin
+    polar: Scalar | None  # moment of inertia [kg m^2]
+    centre: Scalar  # speed of decomposition [rad/s]
+    angle: Scalar  # of rotation at time 0 [rad]
+    clocks: bool = eqx.field(static=True)  # whether laws ask for the angle
+    unbalanced: bool = eqx.field(static=True)
+    weighs: bool = eqx.field(static=True)
+
+    def starts(self, time: Scalar, length: Scalar, count: int) -> StepData:
+        """Data of `count` equal steps in a `length` of time that begins at `time` [s]."""
+        share, spin = jnp.arange(2 * count + 1) / (2 * count), self.spin
+        now = spin.turning(time + length * share, self.polar)
+        acceleration = now.acceleration
+        if spin.kinks is not None:  # at an end it is that of this side of a jump
+            inside = INSIDE / (2 * count)
+            share = share.at[0].add(inside).at[-1].add(-inside)
+            acceleration = spin.turning(time + length * share, self.polar).acceleration
+        nodes = jnp.arange(count)[:, None] * 2 + np.arange(3)
+        angle, speed = self.angle + now.angle, now.speed[nodes]
+        rotation = KnownRotation(angle[nodes] if self.clocks else None, speed, speed - self.centre)
+        values = [jnp.zeros((count, 0))]
+        if self.unbalanced:
+            g = unbalance_factor(now.speed, acceleration) * direction(angle)
+            values.append(jnp.stack([g.real, g.imag], axis=-1)[nodes].reshape(count, 6))
+        if self.weighs:
+            values.append(jnp.ones((count, 1)))
+        load = jnp.concatenate(values, axis=-1)
+        return StepData(rotation, load if self.unbalanced or self.weighs else None)
+
+
+def starts(schedule: Schedule | None, time: Scalar, length: Scalar, count: int) -> Any:
+    """Starts of `count` equal steps in a `length` of time that begins at `time` [s]."""
+    if schedule is None:
+        return time + jnp.arange(count) * (length / count)
+    return schedule.starts(time, length, count)
 
 
 class SteppedRotor(eqx.Module):
@@ -77,24 +118,15 @@ class SteppedRotor(eqx.Module):
         """A step of a length of time [s], which is not split."""
         return self.rotor.step(order, self.rotor.axes.rate * length, self.forcing)
 
-    def starts(self, time: Scalar, length: Scalar, count: int) -> Any:
-        """Starts of `count` equal steps in a `length` of time that begins at `time` [s]."""
+    @property
+    def schedule(self) -> "Schedule | None":
+        """What is known in time; None where something moves with the rotor, which reads the time alone."""
         if self.forces is not None:
-            return time + jnp.arange(count) * (length / count)
-        share, system = jnp.arange(2 * count + 1) / (2 * count), self.system
-        now = turning(system, time + length * share)
-        acceleration = now.acceleration
-        if system.spin.kinks is not None:  # at an end it is that of this side of a jump
-            inside = INSIDE / (2 * count)
-            share = share.at[0].add(inside).at[-1].add(-inside)
-            acceleration = turning(system, time + length * share).acceleration
-        g = unbalance_factor(now.speed, acceleration) * jnp.exp(1j * (self.angle + now.angle))
-        nodes = jnp.arange(count)[:, None] * 2 + np.arange(3)
-        angle = self.angle + now.angle[nodes] if system.clocks else None
-        speed = now.speed[nodes]
-        return StepData(
-            KnownRotation(angle, speed, speed - self.centre), self.rotor.load_values(g[nodes])
-        )
+            return None
+        system, rotor = self.system, self.rotor
+        loads = rotor.unbalance is not None, rotor.weight is not None
+        known = system.spin, system.blocks.polar, self.centre, self.angle
+        return Schedule(*known, bool(system.clocks), *loads)
 
     def encode(
         self, q: Complex[Array, " n"], velocity: Complex[Array, " n"], others: AuxiliaryState
@@ -202,8 +234,8 @@ def stepped(
 
         def several(part, carry):
             y, touched, unresolved = carry
-            starts = own.starts(time + part * each, each, stepping.substeps)
-            y, loaded, more = step.several(starts, y, batch=False)
+            begins = starts(own.schedule, time + part * each, each, stepping.substeps)
+            y, loaded, more = step.several(begins, y)
             return y, touched | loaded, unresolved + more
 
         carry = into(own, state), touched, unresolved

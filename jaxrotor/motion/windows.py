@@ -1,13 +1,16 @@
 """Windows: a motion along evenly spaced samples, advanced from window to window of them."""
 
+import dataclasses
+import functools
 import math
 from collections.abc import Sequence
+from typing import Any, cast
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Complex, Float
 
 from ..core.outcome import Outcome
 from ..core.quantities import Scalar
@@ -20,14 +23,16 @@ from ..equations.system import System, assemble
 from ..scene import Scene
 from ..solvers.basis import Count, modal
 from ..solvers.exponential import Exponential
+from ..solvers.lanes import lanes_last, per_lane, product
 from ..solvers.located import LocatedStep
+from ..solvers.ports import take_lanes
 from ..solvers.step import Step
-from .base import AbstractMarch, Bodies, Plan, Window, bounded
+from .base import AbstractMarch, Bodies, Plan, Window, bounded, contact_forces
 from .history import imbalance_of
 from .run_up import after, with_balls
 from .speeds import coupled_steps, decomposed_at, expected_speed, steps_between
 from .stepped import Stepping
-from .stepped_rotor import SteppedRotor
+from .stepped_rotor import SteppedRotor, starts
 
 
 LEAST, USUAL, MOST = 8, 32, 128  # intervals of a window
@@ -122,52 +127,98 @@ class WindowMarch(AbstractMarch):
     def skip(self, y: Array, windows: Count) -> tuple[Array, Outcome]:
         """State at the first sample, and outcome; there is one window before it, of its own length."""
         del windows
-        end, outcome, _ = self._stepped(y[:-1], jnp.arange(self.before) * self.length)
-        return jnp.append(end, 0.0), outcome
+        ahead = lambda march, y: march._ahead(y)
+        return lanes_last(ahead, self, y, batch=self.plan.batch)
 
     def advance(self, y: Array) -> tuple[Array, Outcome]:
-        end, _, ok = self.observe(y)  # what is not read is not computed
-        return end, ok
+        unobserved = lambda march, y: march.rows(y, observed=False)[::2]
+        return lanes_last(unobserved, self, y, batch=self.plan.batch)
 
     def observe(self, y: Array) -> tuple[Array, Window, Outcome]:
-        number, times, system = y[-1], self.times(y[-1]), self.rotor.system
-        end, outcome, states = self._stepped(y[:-1], times[:-1])
-        w, others = jax.vmap(self.rotor.parts)(jnp.concatenate([states, end[None]]))
-        turning, bodies = jax.vmap(self.rotor.turning)(times, others), None
-        if system.races:
-            imbalance = imbalance_of(self.scene, others.bodies)
-            bodies = Bodies(others.bodies, others.bodies_rate, imbalance)
-        seen = jnp.moveaxis((w @ self.reading.T).reshape(-1, 2, 2), 1, -1)
-        forces = None
-        if self.plan.contacts and system.ports:
-            ports = (w @ self.step.reading.T).reshape(len(w), 2, 2, -1)
-            ports = jnp.moveaxis(ports, 1, -1)  # (T, d or v, p, xy)
-            now = Now(turning.speed, turning.angle, others.states)
-            both = jax.vmap(system.contact_forces)(ports[:, 0], ports[:, 1], now)
-            forces = both[..., 0] + 1j * both[..., 1]
-        z = seen[..., 0] + 1j * seen[..., 1]  # (T, displacement or velocity)
-        motion = z[:, :1], z[:, 1:], None, forces, None
-        speed, states = turning.speed, others.states if system.state_count else None
-        window = Window(*motion, self.length, jnp.sign(speed[-1]), times, speed, bodies, states)
-        return jnp.append(end, number + 1), window, outcome
+        observed = lambda march, y: march.rows(y, observed=True)
+        return lanes_last(observed, self, y, batch=self.plan.batch)
 
-    def times(self, number: Scalar) -> Float[Array, " T"]:
+    def rows(self, y, *, observed):
+        times = self.times(y[-1, :1])  # all lanes are at the same window
+        end, outcome, samples = self._stepped(y[:-1], times[:-1], observed=observed)
+        y = jnp.concatenate([end, y[-1:] + 1])
+        if samples is None:
+            return y, None, outcome
+        ports, *seen = samples
+        window, now = per_lane(lambda march, seen: march._window(*seen), self, (times, *seen))
+        if now is not None:
+            of_one = lambda march, given: march._forces(*given)
+            of = (
+                of_one
+                if take_lanes(self.rotor.system.ports)
+                else functools.partial(per_lane, of_one)
+            )
+            window = dataclasses.replace(window, contact_force=of(self, (ports, now)))
+        return y, window, outcome
+
+    def times(self, number: Float[Array, "..."]) -> Float[Array, "T ..."]:
         """Times of the samples of a window, by its number [s]."""
         size = self.plan.steps
-        return (self.before + number * size + jnp.arange(size + 1)) * self.length
+        samples = jnp.arange(size + 1).reshape(-1, *[1] * jnp.ndim(number))
+        return (self.before + number * size + samples) * self.length
 
-    def _stepped(self, y: Array, times: Array) -> tuple[Array, Outcome, Array]:
-        """State after the intervals that begin at some times, their outcome, and the states before."""
+    def _ahead(self, y: Float[Array, "y lanes"]) -> tuple[Array, Outcome]:
+        """State at the first sample, and outcome, lanes last."""
+        begins = jnp.arange(self.before)[:, None] * self.length
+        end, outcome, _ = self._stepped(y[:-1], begins, observed=False)
+        return jnp.concatenate([end, 0 * y[-1:]]), outcome
+
+    def _stepped(
+        self, y: Float[Array, "y lanes"], times: Float[Array, "T 1"], *, observed: bool
+    ) -> tuple[Array, Outcome, Any]:
+        """State after the intervals that begin at some times, their outcome, and what is seen, lanes last.
+
+        At all samples that are readings of the ports, what moves with the rotor, and readings of the station.
+        """
+        known = self.rotor.schedule, self.length
+        begins = lambda known, time: starts(known[0], time, known[1], self.substeps)
+
+        def seen(y: Array) -> Any:
+            if not observed:
+                return None
+            w, x = jnp.split(y, [len(y) - self.rotor.sizes.total])
+            ports = product(self.step.reading, w) if self.plan.contacts else None
+            return ports, x, product(self.reading, w)
 
         def one(carry, time):
             y, touched, unresolved = carry
-            starts = self.rotor.starts(time, self.length, self.substeps)
-            end, loaded, more = self.step.several(starts, y, batch=True)
-            return (end, touched | loaded, unresolved + more), y
+            end, loaded, more = self.step.several(per_lane(begins, known, time), y)
+            return (end, touched | loaded, unresolved + more), seen(y)
 
-        first = y, jnp.zeros((), bool), jnp.zeros((), int)
-        (y, touched, unresolved), states = jax.lax.scan(one, first, times)
-        return y, Outcome(bounded(y), jnp.ones((), bool), unresolved, touched), states
+        lanes = y.shape[1:]
+        first = y, jnp.zeros(lanes, bool), jnp.zeros(lanes, int)
+        (y, touched, unresolved), samples = jax.lax.scan(one, first, times)
+        samples = jax.tree.map(
+            lambda all, last: jnp.concatenate([all, last[None]]), samples, seen(y)
+        )
+        return y, Outcome(bounded(y), jnp.ones(lanes, bool), unresolved, touched), samples
+
+    def _window(self, times, x, seen) -> tuple[Window, Now | None]:
+        """The window of one lane by its samples, without forces, and what laws are given in it."""
+        rotor, system = self.rotor, self.rotor.system
+        others = jax.vmap(rotor.sizes.named)(x)
+        turning = jax.vmap(rotor.turning)(times, others)
+        bodies = None
+        if system.races:
+            imbalance = imbalance_of(self.scene, others.bodies)
+            bodies = Bodies(others.bodies, others.bodies_rate, imbalance)
+        z = seen[:, :2] + 1j * seen[:, 2:]  # (T, displacement or velocity)
+        speed, states = turning.speed, others.states if system.state_count else None
+        motion = z[:, :1], z[:, 1:], None, None, None
+        window = Window(*motion, self.length, jnp.sign(speed[-1]), times, speed, bodies, states)
+        read = self.plan.contacts and system.ports
+        return window, Now(speed, turning.angle, others.states) if read else None
+
+    def _forces(self, ports: Float[Array, "T p4 ..."], now: Now) -> Complex[Array, "T k ..."]:
+        """Forces of all contacts by the readings of the ports [N]."""
+        system = self.rotor.system
+        samples = ports.reshape(len(ports), 2, 2, len(system.ports), *ports.shape[2:])
+        return contact_forces(system, samples, now, cast(Any, Now)(0, 0, 0))
 
 
 def window_of(samples: int) -> int:

@@ -8,12 +8,12 @@ state to the stage values of the ports, the forces, and one product back. See do
 """
 
 import functools
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, ArrayLike, Float
+from jaxtyping import Array, ArrayLike, Float, Int
 
 from ..equations.constant_frame import ConstantFrame
 from ..equations.pencil import isotropic
@@ -116,19 +116,31 @@ class Exponential(eqx.Module):
         return LocatedStep.of(rotor, step) if self.located and kinked else step
 
 
+class Revolution(NamedTuple):
+    """A revolution by steps, of one motion or of lanes last."""
+
+    end: Float[Array, "m2 ..."]
+    samples: (
+        Float[Array, "T s4 ..."] | None
+    )  # what the stations read at the start and after every step
+    unresolved: Int[Array, "..."]  # steps whose changes of contact were not located
+
+
 def revolution(
-    step: Step,
+    step: Step | LocatedStep,
     y: Float[Array, " m2"],
     steps: int,
     stations: Reading | YieldingReading | None,
     *,
     batch: bool = False,
     fused: bool = False,
-) -> tuple[Float[Array, " m2"], Float[Array, "T s4"] | None]:
-    """State after `steps` from angle 0, and readings of the stations at the start and after each step.
+) -> Revolution:
+    """A revolution of `steps` from angle 0, read by stations where some are given.
 
     With `batch`, all lanes under `jax.vmap` are stepped as one array, on a GPU with `fused` by one kernel.
     """
+    if isinstance(step, LocatedStep) and not batch:  # one lane runs with all its tangents
+        return _located_revolution(step, stations, y, steps)
 
     def run(parts, y):
         step, stations = parts
@@ -138,15 +150,17 @@ def revolution(
 
 
 def revolution_of_lanes(
-    step: Step,
+    step: Step | LocatedStep,
     stations: Reading | YieldingReading | None,
     y: Float[Array, "m2 lanes"],
     steps: int,
     *,
     unrolled: bool = True,
     fused: bool = False,
-) -> tuple[Float[Array, "m2 lanes"], Float[Array, "T s4 lanes"] | None]:
+) -> Revolution:
     """The same of all lanes, lanes last."""
+    if isinstance(step, LocatedStep):
+        return _located_revolution(step, stations, y, steps)
     phases = step.tableau.phases(step.tableau.h * jnp.arange(steps))
     # Unrolled by two, the loop needs no copy of the state back to its buffer.
     unroll = 2 if unrolled and stations is None and steps % 2 == 0 else 1
@@ -158,8 +172,35 @@ def revolution_of_lanes(
     else:
         y, samples = jax.lax.scan(functools.partial(_stepped, parts), y, phases, unroll=unroll)
     if stations is None or samples is None:
-        return y, None
-    return y, jnp.concatenate([samples, stations.of_lanes(phases[0, 0], y)[None]])
+        return Revolution(y, None, jnp.zeros(y.shape[1:], int))
+    samples = jnp.concatenate([samples, stations.of_lanes(phases[0, 0], y)[None]])
+    return Revolution(y, samples, jnp.zeros(y.shape[1:], int))
+
+
+def _located_revolution(
+    step: LocatedStep,
+    stations: Reading | YieldingReading | None,
+    y: Float[Array, "m2 ..."],
+    steps: int,
+) -> Revolution:
+    """A revolution by located steps, of one motion or of lanes last."""
+
+    def seen(angle: Array, y: Array) -> Array | None:
+        phase = jnp.stack([jnp.cos(angle), jnp.sin(angle)])
+        return None if stations is None else stations.of_lanes(phase, y)
+
+    def one(carry, number):
+        y, unresolved = carry
+        angle = step.tableau.h * number
+        end, _, more = step.advance(angle, y)
+        return (end, unresolved + more), seen(angle, y)
+
+    begin = y, jnp.zeros(y.shape[1:], int)
+    (y, unresolved), samples = jax.lax.scan(one, begin, jnp.arange(steps))
+    if samples is not None:
+        last = seen(step.tableau.h * steps, y)
+        samples = jnp.concatenate([samples, last[None]])
+    return Revolution(y, samples, unresolved)
 
 
 def _stepped(

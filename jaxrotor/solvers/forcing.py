@@ -1,5 +1,6 @@
 """Forcings: actions on a rotor at constant speed, along times, and on one that is coupled to others."""
 
+import functools
 from typing import NamedTuple
 
 import equinox as eqx
@@ -14,10 +15,9 @@ from ..effects.law import Now
 from ..equations.coupled import AuxiliaryState, CoupledForces, Instant
 from ..equations.kinematics import Turning
 from ..equations.port import Law, Port
-from .lanes import per_lane
+from .lanes import per_lane, product
 from .ports import PortField, Reading, forces_of_lanes
 from .step import AbstractForcing, At, StepData
-from .tableau import phase_at
 
 
 # A parabola at a share x of a step by its values at 0, 1/2 and 1: rows are the powers of x.
@@ -53,7 +53,8 @@ class AtConstantSpeed(AbstractForcing):
         return StepData(jnp.stack([jnp.cos(angles), jnp.sin(angles)], axis=1))
 
     def at(self, start, part) -> At:
-        phase = phase_at(start + part.begin)
+        angle = jnp.asarray(start + part.begin)
+        phase = jnp.stack([jnp.cos(angle), jnp.sin(angle)])
         return At(phase, jnp.stack([-phase[1], phase[0]]))
 
     def seen(self, node, own):
@@ -69,7 +70,7 @@ class AtConstantSpeed(AbstractForcing):
         phase = lambda: node
         seen, through = self.reading.fixed(phase, seen), self.field.through_at(phase)
         if through is not None:
-            seen = seen + through @ self.field.forces_of(phase, seen, law)
+            seen = seen + product(through, self.field.forces_of(phase, seen, law))
         return _motion(seen)
 
     def of_laws(self, node, x):
@@ -125,13 +126,16 @@ class AlongTimes(AbstractForcing):
 
     def at(self, start, part) -> At:
         x = jnp.asarray(part.begin / part.whole)
-        weights = _powers(x) @ PARABOLA
-        slopes = jnp.stack([0 * x, 1.0 + 0 * x, 2 * x]) @ PARABOLA / part.whole
-        node, rate = (jax.tree.map(lambda v, w=w: w @ v, start.nodes) for w in (weights, slopes))
+        weights = PARABOLA.T @ _powers(x)
+        slopes = PARABOLA.T @ jnp.stack([0 * x, 1.0 + 0 * x, 2 * x]) / part.whole
+        mean = lambda weights, values: sum(w * v for w, v in zip(weights, values, strict=True))
+        node, rate = (
+            jax.tree.map(functools.partial(mean, w), start.nodes) for w in (weights, slopes)
+        )
         load = start.load
         if load is not None:
             unbalance, rest = _parts_of_load(load)
-            load = jnp.concatenate([weights @ unbalance, rest])
+            load = jnp.concatenate([mean(weights, unbalance), rest])
         return At(node, rate, load)
 
     def forces(self, node, seen, x, law):
@@ -150,9 +154,9 @@ class AlongTimes(AbstractForcing):
         return Now(node.speed, node.angle)
 
 
-def _motion(seen: Float[Array, " p4"]) -> tuple[Array, Array]:
-    """Displacement and velocity of ports, (2, p) each, by their readings along fixed axes."""
-    d, v = jnp.moveaxis(seen.reshape(2, 2, -1), 1, 0)
+def _motion(seen: Float[Array, "p4 ..."]) -> tuple[Array, Array]:
+    """Displacement and velocity of ports, (2, p, ..) each, by their readings along fixed axes."""
+    d, v = jnp.moveaxis(seen.reshape(2, 2, -1, *seen.shape[1:]), 1, 0)
     return d, v
 
 
@@ -161,10 +165,10 @@ def _powers(x: Array) -> Float[Array, "3 ..."]:
     return jnp.stack([1.0 + 0 * x, x, x**2])
 
 
-def _parts_of_load(load: Float[Array, " u"]) -> tuple[Float[Array, "3 g"], Array]:
+def _parts_of_load(load: Float[Array, "u ..."]) -> tuple[Float[Array, "3 g ..."], Array]:
     """[Re, Im] of the unbalance at the nodes of a step, if there is one, and 1 of a weight."""
-    count = load.size // 6 * 6
-    return load[:count].reshape(3, -1), load[count:]
+    count = len(load) // 6 * 6
+    return load[:count].reshape(3, count // 3, *load.shape[1:]), load[count:]
 
 
 class Sizes(NamedTuple):
@@ -240,8 +244,9 @@ class Coupled(AbstractForcing):
     def at(self, start, part) -> At:
         time = jnp.asarray(start + part.begin / self.rate)
         now = Instant.of_step(time, start + part.whole / 2 / self.rate)
-        load = jnp.ones(1) if self.weighs else None
-        return At(now, Instant(jnp.asarray(1 / self.rate), jnp.zeros(())), load)
+        load = jnp.ones((1, *time.shape)) if self.weighs else None
+        rate = jnp.asarray(1 / self.rate) + 0 * time
+        return At(now, Instant(rate, 0 * time), load)
 
     def forces(self, node, seen, x, law):
         sizes = self.sizes

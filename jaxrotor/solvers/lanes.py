@@ -47,14 +47,22 @@ def product(matrix: Float[Array, "a b ..."], x: Float[Array, "b ..."]) -> Float[
 
 
 def per_lane(call: Callable, tree: Any, x: Any) -> Any:
-    """`call(tree, x)`, written for one trajectory, in every lane; arrays of `x` have an axis of lanes."""
-    arrays, constant = eqx.partition(tree, eqx.is_array)
+    """`call(tree, x)`, written for one trajectory, in every lane.
+
+    Where all lanes share all arrays it is called once, and what it returns has one lane.
+    """
+    arrays, constant = eqx.partition((tree, x), eqx.is_array)
     leaves, treedef = jax.tree.flatten(arrays)
     alone = lambda leaf: leaf.ndim == 0 or leaf.shape[-1] == 1  # shared by all lanes
     axes = [None if alone(leaf) else -1 for leaf in leaves]
     leaves = [leaf[..., 0] if leaf.ndim and alone(leaf) else leaf for leaf in leaves]
-    one = lambda leaves, x: call(eqx.combine(jax.tree.unflatten(treedef, leaves), constant), x)
-    return jax.vmap(one, in_axes=(axes, -1), out_axes=-1)(leaves, x)
+
+    def one(leaves):
+        return call(*eqx.combine(jax.tree.unflatten(treedef, leaves), constant))
+
+    if not any(axes):
+        return one_lane(one(leaves))
+    return jax.vmap(one, in_axes=(axes,), out_axes=-1)(leaves)
 
 
 def lanes_last(call: Callable, tree: Any, y: Float[Array, " m"], *, batch: bool = True) -> Any:

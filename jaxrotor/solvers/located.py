@@ -21,13 +21,13 @@ import jax.numpy as jnp
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Bool, Float, Int
 
-from ..core.quantities import Scalar
 from ..effects.law import Now
 from ..equations.port import Branches, Law, Port, actual, of_each
 from .basis import as_real
 from .crossing import Crossing, falls_through_zero, first_crossing
-from .lanes import product
-from .step import AbstractForcing, AbstractRotor, At, Part, Step, of_ports
+from .lanes import per_lane, product
+from .ports import take_lanes
+from .step import AbstractForcing, AbstractRotor, At, Part, Step, in_turn, of_ports
 from .tableau import OnceTableau, Tableau
 
 
@@ -52,19 +52,19 @@ class Along(eqx.Module):
 
 
 class Split(eqx.Module):
-    """State of a partly completed step, and the crossings found in the span last tried."""
+    """State of a partly completed step, and the crossings found in the span last tried; lanes may be last."""
 
-    y: Float[Array, " y"]
-    after: Scalar  # the beginning of the step [rad]
-    left: Scalar  # of the step [rad]
-    span: Scalar  # tried last, from `after`
+    y: Float[Array, "y ..."]
+    after: Float[Array, "..."]  # the beginning of the step [rad]
+    left: Float[Array, "..."]  # of the step [rad]
+    span: Float[Array, "..."]  # tried last, from `after`
     begin: Crossing
     end: Crossing
     branches: tuple[Branches, ...]
-    tries: Int[Array, ""]
+    tries: Int[Array, "..."]
 
     @property
-    def unresolved(self) -> Int[Array, ""]:
+    def unresolved(self) -> Int[Array, "..."]:
         """1 where the attempts did not complete the step."""
         return (self.tries > TRIES) + 0
 
@@ -111,45 +111,48 @@ class LocatedStep(eqx.Module):
         return self.whole.contact_stiffness_ratio
 
     def several(
-        self, starts: Any, y: Float[Array, " y"], *, batch: bool
-    ) -> tuple[Array, Bool[Array, ""], Int[Array, ""]]:
+        self, starts: Any, y: Float[Array, "y ..."]
+    ) -> tuple[Float[Array, "y ..."], Bool[Array, "..."], Int[Array, "..."]]:
         """State after a step from every start, whether a contact was loaded, how many are unresolved."""
 
-        def one(carry, start):
-            y, touched, unresolved = carry
-            y, loaded, more = self.advance(start, y, batch=batch)
-            return (y, touched | loaded, unresolved + more), None
+        def one(carry, following):
+            y, touched, unresolved, start = carry
+            y, loaded, more = self.advance(start, y)
+            return (y, touched | loaded, unresolved + more, following), None
 
-        begin = y, jnp.zeros((), bool), jnp.zeros((), int)
-        return jax.lax.scan(one, begin, starts)[0]
+        lanes = y.shape[1:]
+        first, after = in_turn(starts)
+        begin = y, jnp.zeros(lanes, bool), jnp.zeros(lanes, int), first
+        (*end, _), _ = jax.lax.scan(one, begin, after)
+        return tuple(end)
 
     def advance(
-        self, start: Any, y: Float[Array, " y"], *, batch: bool = False
-    ) -> tuple[Array, Bool[Array, ""], Int[Array, ""]]:
+        self, start: Any, y: Float[Array, "y ..."]
+    ) -> tuple[Float[Array, "y ..."], Bool[Array, "..."], Int[Array, "..."]]:
         """State after a whole step, whether a contact was loaded in it, and 1 if it is not resolved.
 
-        With `batch`, lanes under `jax.vmap` that are split run at once; otherwise one lane runs with all
-        its tangents, as a Jacobian needs.
+        All lanes take the whole step together, and those that are split go on in blocks.
         """
+        if y.ndim > 1 and not take_lanes(self.whole.ports):
+            begun, loaded = per_lane(lambda own, y: own[0]._begun(own[1], y), (self, start), y)
+        else:
+            begun, loaded = self._begun(start, y)
+        done = _finish(self, start, begun)
+        return done.y, loaded | (done.tries > 0), done.unresolved
+
+    def _begun(self, start: Any, y: Float[Array, "y ..."]) -> tuple["Split", Bool[Array, "..."]]:
+        """The step as a whole, or all left of it where a condition ends; whether a contact was loaded."""
         tableau, forcing = self.tableau, self.forcing
-        h = tableau.h
+        h, lanes = tableau.h, y.shape[1:]
         begin, finish = forcing.at(start, Part(0.0, h)), forcing.at(start, Part(h, h))
         branches = self.branches(begin, y)
         y1, loaded = self.whole(forcing.data(start, tableau.times, h), y, Along(branches))
         ends = self.crossing(begin, branches, y), self.crossing(finish, branches, y1)
-        passed = ~jnp.any(falls_through_zero(*ends, h))
-        left, whole = jnp.where(passed, 0.0, h), jnp.asarray(h)
-        split = Split(
-            jnp.where(passed, y1, y),
-            jnp.zeros_like(whole),
-            left,
-            whole,
-            *ends,
-            branches,
-            jnp.zeros((), int),
-        )
-        done = _finish(self, start, split, batch=batch)
-        return done.y, loaded | (done.tries > 0), done.unresolved
+        passed = ~jnp.any(falls_through_zero(*ends, h), axis=0)
+        left, none = jnp.where(passed, 0.0, h), jnp.zeros(lanes, jnp.result_type(h))
+        tries = jnp.zeros(lanes, int)
+        y = jnp.where(passed, y1, y)
+        return Split(y, none, left, none + h, *ends, branches, tries), loaded
 
     def attempt(self, start: Any, split: Split) -> Split:
         """Step to the first crossing or the end; accepted unless another crossing is on the way."""
@@ -190,7 +193,7 @@ class LocatedStep(eqx.Module):
             split.tries + 1,
         )
 
-    def branches(self, at: At, y: Float[Array, " y"]) -> tuple[Branches, ...]:
+    def branches(self, at: At, y: Float[Array, "y ..."]) -> tuple[Branches, ...]:
         """Branches of all laws in a state."""
         own, _, x = self._viewed(y)
         seen = self.forcing.seen(at.node, own)
@@ -198,7 +201,9 @@ class LocatedStep(eqx.Module):
         motions = _motions(self.whole.ports, d, v, self.forcing.of_laws(at.node, x))
         return tuple(port.branches(*motion) for port, motion in motions)
 
-    def crossing(self, at: At, branches: tuple[Branches, ...], y: Float[Array, " y"]) -> Crossing:
+    def crossing(
+        self, at: At, branches: tuple[Branches, ...], y: Float[Array, "y ..."]
+    ) -> Crossing:
         """Margins of the conditions of given branches, and their rates by the angle."""
         forcing, ports, law = self.forcing, self.whole.ports, Along(branches)
         own, moving, x = self._viewed(y)
@@ -207,11 +212,11 @@ class LocatedStep(eqx.Module):
         if at.load is not None:
             change = change + product(self.loading, at.load)
 
-        def margins(node: Any, own: Float[Array, " p4"], x: Array) -> Float[Array, " c"]:
+        def margins(node: Any, own: Float[Array, "p4 ..."], x: Array) -> Float[Array, "c ..."]:
             d, v = forcing.motion(node, forcing.seen(node, own), law)
             pairs = zip(_motions(ports, d, v, forcing.of_laws(node, x)), branches, strict=True)
             found = [port.margins(branch, *motion) for (port, motion), branch in pairs]
-            return jnp.concatenate([one.ravel() for one in jax.tree.leaves(found)])
+            return _flat(found, y.shape[1:])
 
         point = at.node, of_ports(ports, own), x
         return Crossing(
@@ -231,21 +236,25 @@ class LocatedStep(eqx.Module):
         moved = product(self.input, inputs)
         return moved if rates is None else jnp.concatenate([moved, rates])
 
-    def _viewed(self, y: Float[Array, " y"]) -> tuple[Array, Array, Array]:
+    def _viewed(self, y: Float[Array, "y ..."]) -> tuple[Array, Array, Array]:
         """Readings of a state, their rates at the ports by it, and the numbers of the others."""
-        w, x = jnp.split(y, [y.size - self.forcing.others])
+        w, x = jnp.split(y, [len(y) - self.forcing.others])
         seen = product(self.views, w)
-        own, moving = jnp.split(seen, [seen.size - 4 * len(self.whole.ports)])
+        own, moving = jnp.split(seen, [len(seen) - 4 * len(self.whole.ports)])
         return own, moving, x
 
 
 def _motions(
     ports: tuple[Port, ...], displacement: Array, velocity: Array, now: Now
 ) -> Iterator[tuple[Port, tuple[Array, Array, Now]]]:
-    """Every port with the motion there, of (2, p), and what its laws are given."""
-    return zip(
-        ports, zip(displacement.T, velocity.T, of_each(ports, now), strict=True), strict=True
-    )
+    """Every port with the motion there, of (2, p), or (2, p, lanes), and what its laws are given."""
+    motions = (jnp.swapaxes(x, 0, 1) for x in (displacement, velocity))
+    return zip(ports, zip(*motions, of_each(ports, now), strict=True), strict=True)
+
+
+def _flat(conditions: Any, lanes: tuple[int, ...]) -> Float[Array, "c ..."]:
+    """Values of the conditions of all laws, of one motion or of lanes."""
+    return jnp.concatenate([one.reshape(-1, *lanes) for one in jax.tree.leaves(conditions)])
 
 
 def _branches_after(
@@ -257,38 +266,24 @@ def _branches_after(
     return rebuild(jnp.where(ends, 1 - flat, stay))
 
 
-def _finish(step: LocatedStep, start: Any, split: Split, *, batch: bool) -> Split:
-    """Attempts until the step is complete; of many lanes, by blocks of those that are not."""
-    arrays, constant = eqx.partition((step, start), eqx.is_array)
+def _finish(step: LocatedStep, start: Any, split: Split) -> Split:
+    """Attempts until the step is complete; of lanes, by blocks of those that are not."""
+    lanes = split.left.shape
+    if not lanes:
+        return jax.lax.while_loop(lambda s: s.left > 0, lambda s: step.attempt(start, s), split)
+    size, parts = *lanes, (step, start)
+    arrays, constant = eqx.partition(parts, eqx.is_array)
 
     def attempt(arrays: Any, split: Split) -> Split:
         step, start = eqx.combine(arrays, constant)
         return step.attempt(start, split)
 
-    def alone(arrays: Any, split: Split) -> Split:
-        return jax.lax.while_loop(lambda s: s.left > 0, lambda s: attempt(arrays, s), split)
+    def block(split: Split) -> Split:
+        left, some = jax.lax.top_k(split.left, min(size, BLOCK))
+        some = jnp.where(left > 0, some, size)  # complete lanes: out of range, dropped
+        take = lambda leaf: leaf.at[..., some].get(mode="clip") if leaf.shape[-1] == size else leaf
+        tried = per_lane(attempt, jax.tree.map(take, arrays), jax.tree.map(take, split))
+        put = lambda old, new: old.at[..., some].set(new, mode="drop")
+        return jax.tree.map(put, split, tried)
 
-    if not batch:
-        return alone(arrays, split)
-    run = jax.custom_batching.custom_vmap(alone)
-
-    @run.def_vmap
-    def _(size, batched, arrays, split):
-        own, given = batched
-        spread = lambda leaf, own: leaf if own else jnp.broadcast_to(leaf, (size, *leaf.shape))
-        split = jax.tree.map(spread, split, given)
-        axes = jax.tree.map(lambda own: 0 if own else None, own)
-
-        def block(split: Split) -> Split:
-            left, lanes = jax.lax.top_k(split.left, min(size, BLOCK))
-            lanes = jnp.where(left > 0, lanes, size)  # complete lanes: out of range, dropped
-            take = lambda leaf: leaf.at[lanes].get(mode="clip")
-            some = jax.tree.map(lambda leaf, own: take(leaf) if own else leaf, arrays, own)
-            tried = jax.vmap(attempt, in_axes=(axes, 0))(some, jax.tree.map(take, split))
-            put = lambda old, new: old.at[lanes].set(new, mode="drop")
-            return jax.tree.map(put, split, tried)
-
-        split = jax.lax.while_loop(lambda s: jnp.any(s.left > 0), block, split)
-        return split, jax.tree.map(lambda _: True, split)
-
-    return run(arrays, split)
+    return jax.lax.while_loop(lambda s: jnp.any(s.left > 0), block, split)

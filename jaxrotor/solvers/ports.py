@@ -92,8 +92,8 @@ class Reading(eqx.Module):
         phase = phase_at(theta)
         return self.fixed(lambda: phase, self.matrix @ y + self.steady(phase))
 
-    def of_lanes(self, phase: Float[Array, "2"], y: Float[Array, "m2 lanes"]) -> Array:
-        """Readings of all lanes, by cosine and sine of the angle of revolution."""
+    def of_lanes(self, phase: Float[Array, "2 ..."], y: Float[Array, "m2 ..."]) -> Array:
+        """Readings of one or all lanes, by cosine and sine of the angle of revolution."""
         return self.fixed(lambda: phase, product(self.matrix, y) + self.steady(phase))
 
 
@@ -200,10 +200,12 @@ class YieldingReading(eqx.Module):
     def __call__(self, theta: Scalar, y: Array) -> Float[Array, " s4"]:
         return self._at(phase_at(theta), y)
 
-    def of_lanes(self, phase: Float[Array, "2"], y: Float[Array, "m2 lanes"]) -> Array:
-        """Readings of all lanes, by cosine and sine of the angle of revolution."""
+    def of_lanes(self, phase: Float[Array, "2 ..."], y: Float[Array, "m2 ..."]) -> Array:
+        """Readings of one or all lanes, by cosine and sine of the angle of revolution."""
         read = lambda parts, y: parts[0]._at(parts[1], y)
-        return per_lane(read, (self, phase[:, None]), y)
+        if y.ndim == 1:
+            return self._at(phase, y)
+        return per_lane(read, (self, phase.reshape(2, -1)), y)
 
     def _at(self, phase: Float[Array, "2"], y: Array) -> Float[Array, " s4"]:
         field, stations = self.field, self.stations

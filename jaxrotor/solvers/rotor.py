@@ -132,17 +132,6 @@ class RotorAtSpeed(AbstractRotor):
             columns.append(as_real(self.weight)[:, :1])
         return jnp.concatenate(columns, axis=1)
 
-    def load_values(self, g: Inexact[Array, "... 3"]) -> Float[Array, "... u"] | None:
-        """Values that the loads of a step take, from `g` at its beginning, middle and end."""
-        if self.unbalance is None and self.weight is None:
-            return None
-        values = [jnp.zeros((*g.shape[:-1], 0))]
-        if self.unbalance is not None:
-            values.append(jnp.stack([g.real, g.imag], axis=-1).reshape(*g.shape[:-1], 6))
-        if self.weight is not None:
-            values.append(jnp.ones((*g.shape[:-1], 1)))
-        return jnp.concatenate(values, axis=-1)
-
 
 def _stacked(axes: FixedAxes, *outputs: Inexact[Array, "_ m"]) -> Inexact[Array, "s m"]:
     """Output matrices as one, of complex outputs or of `[Re, Im]` of them."""

@@ -19,7 +19,6 @@ from ..core.quantities import Scalar
 from ..effects.law import Now
 from ..equations.port import Law, Port, actual
 from .basis import Basis
-from .lanes import lanes_last
 from .tableau import OnceTableau, Tableau
 
 
@@ -161,25 +160,23 @@ class Step(eqx.Module):
         return end, jnp.any(contact != 0, axis=(0, 1))
 
     def several(
-        self, starts: Any, y: Float[Array, " y"], *, batch: bool
-    ) -> tuple[Float[Array, " y"], Bool[Array, ""], Int[Array, ""]]:
+        self, starts: Any, y: Float[Array, "y ..."]
+    ) -> tuple[Float[Array, "y ..."], Bool[Array, "..."], Int[Array, "..."]]:
         """State after a step from every start, and whether a contact was loaded at one of them.
 
         No step is split, so none is unresolved.
         """
 
-        def run(parts, y):
-            step, starts = parts
+        def one(carry, following):
+            y, touched, start = carry
+            now = self.forcing.data(start, self.tableau.times, self.tableau.h)
+            y, loaded = self(now, y)
+            return (y, touched | loaded, following), None
 
-            def one(carry, start):
-                y, touched = carry
-                now = step.forcing.data(start, step.tableau.times, step.tableau.h)
-                y, loaded = step(now, y)
-                return (y, touched | loaded), None
-
-            return jax.lax.scan(one, (y, jnp.zeros(y.shape[1], bool)), starts)[0]
-
-        return *lanes_last(run, (self, starts), y, batch=batch), jnp.zeros((), int)
+        lanes = y.shape[1:]
+        first, after = in_turn(starts)
+        (y, touched, _), _ = jax.lax.scan(one, (y, jnp.zeros(lanes, bool), first), after)
+        return y, touched, jnp.zeros(lanes, int)
 
 
 class AbstractRotor(eqx.Module):
@@ -206,6 +203,16 @@ class AbstractRotor(eqx.Module):
 def _node(now: StepData, time: float) -> Any:
     """Data at a node, by its time in steps."""
     return jax.tree.map(lambda leaf: leaf[int(time * (leaf.shape[0] - 1))], now.nodes)
+
+
+def in_turn(starts: Any) -> tuple[Any, Any]:
+    """The first of some starts, and those after every one, the last of which is not used.
+
+    A step that takes its start from the carry of a loop does not index arrays by the number of the step.
+    Kernels that do are not vectorised, so that a step of many lanes takes three times as long.
+    """
+    of = lambda take: jax.tree.map(take, starts)
+    return of(lambda leaf: leaf[0]), of(lambda leaf: jnp.roll(leaf, -1, axis=0))
 
 
 def of_ports(ports: tuple[Port, ...], seen: Float[Array, "s ..."]) -> Float[Array, "p4 ..."]:

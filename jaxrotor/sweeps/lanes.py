@@ -21,7 +21,7 @@ from ..equations.start import AbstractStart, put_number
 from ..equations.system import assemble
 from ..motion.base import AbstractMarch, Plan
 from ..motion.integrated import IntegratedMarch, IntegratedPace
-from ..motion.revolutions import March, collect_lanes, revolution_rate
+from ..motion.revolutions import March, revolution_rate
 from ..motion.stepped import Stepping
 from ..motion.windows import WindowMarch
 from ..scene import Scene
@@ -335,10 +335,7 @@ def _keep(observe, shared, own, y, carry, number, count: int, revolutions: int):
             pairs = [updated(one, c, turn) for one, c in zip(observe, carries, strict=True)]
             return tuple(c for c, _ in pairs), tuple(out for _, out in pairs)
 
-        march: Any = eqx.combine(own, shared)
-        if isinstance(march, March):
-            return collect_lanes(march, y, carry, update, revolutions)
-        return march.collect(y, carry, update, revolutions)
+        return eqx.combine(own, shared).collect(y, carry, update, revolutions)
 
     return jax.vmap(lane)(own, y, carry)
 

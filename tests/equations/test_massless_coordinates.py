@@ -413,7 +413,7 @@ def at_samples(system, solver, y, steps):
     """Displacements at 16 samples a revolution; one program for any number of steps between them."""
     form = solver.form(system, Motion(system, system.spin.speed, loads=False), jnp.eye(system.n))
     step = solver.stepper(form, 16 * steps)
-    advance = lambda theta, y: step.several(theta[None], y, batch=False)[0]
+    advance = lambda theta, y: step.several(theta[None], y)[0]
 
     def sample(y, number):
         theta = 2 * jnp.pi * number / 16

@@ -16,7 +16,7 @@ from jaxrotor.effects.base import AbstractContact
 from jaxrotor.effects.law import Now
 from jaxrotor.equations.system import port_groups
 from jaxrotor.motion.base import Plan
-from jaxrotor.motion.revolutions import March, collect_lanes
+from jaxrotor.motion.revolutions import March
 from jaxrotor.solvers.choice import solver_name
 from jaxrotor.solvers.exponential import _stepped, revolution
 from jaxrotor.solvers.fused import BLOCK, ELEMENTWISE, LaneStep, evaluate, scan_lanes
@@ -131,7 +131,7 @@ def test_a_revolution_is_one_kernel_on_a_gpu():
     assert kernels(for_a_gpu(lambda y: march.advance(y)[0], y)) == (1, 0)
     assert kernels(for_a_gpu(lambda y: march.sample(y)[:2], y)) == (1, 0)
     last = lambda carry, window, number: (carry, window.displacement[-1])
-    observed = lambda y: collect_lanes(march, y, (), last, 2)[1]
+    observed = lambda y: march.collect(y, (), last, 2)[1]
     assert kernels(for_a_gpu(observed, y)) == (1, 1)  # in a loop over revolutions
     ordinary, y = march_of(ROTOR)
     assert kernels(for_a_gpu(lambda y: ordinary.sample(y)[:2], y)) == (0, 1)

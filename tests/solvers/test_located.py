@@ -30,7 +30,7 @@ def prepared(scene, order):
 
         def one(i, carry):
             y, unresolved = carry
-            y, _, more = step.advance((i % steps) * step.tableau.h, y, batch=True)
+            y, _, more = step.advance((i % steps) * step.tableau.h, y)
             return y, unresolved + more
 
         return jax.lax.fori_loop(0, steps * revolutions, one, (y, jnp.zeros((), int)))

@@ -50,7 +50,7 @@ def after_two_revolutions(scene, steps, order):
     """Coordinates after two revolutions from rest; one program for any number of steps."""
     solver, form, rest, _ = parts(scene, order)
     step = solver.stepper(form, steps)
-    one = lambda k, y: step.several((k * step.tableau.h)[None], y, batch=False)[0]
+    one = lambda k, y: step.several((k * step.tableau.h)[None], y)[0]
     return form.decode(jax.lax.fori_loop(0, 2 * steps, one, rest))[0]
 
 
