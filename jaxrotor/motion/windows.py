@@ -171,9 +171,9 @@ class WindowMarch(AbstractMarch):
     def _stepped(
         self, y: Float[Array, "y lanes"], times: Float[Array, "T 1"], *, observed: bool
     ) -> tuple[Array, Outcome, Any]:
-        """State after the intervals that begin at some times, their outcome, and what is seen, lanes last.
+        """State after the intervals that begin at some times, their outcome, and samples, lanes last.
 
-        At all samples that are readings of the ports, what moves with the rotor, and readings of the station.
+        Samples are readings of the ports, what moves with the rotor, and readings of the station.
         """
         known = self.rotor.schedule, self.length
         begins = lambda known, time: starts(known[0], time, known[1], self.substeps)

@@ -26,7 +26,7 @@ from .located import LocatedStep
 from .ports import PortForm, Reading, YieldingReading
 from .rotor import RotorAtSpeed
 from .shapes import Shapes
-from .step import Step, StepData
+from .step import Step, StepData, in_turn
 
 
 class Exponential(eqx.Module):
@@ -184,22 +184,20 @@ def _located_revolution(
     steps: int,
 ) -> Revolution:
     """A revolution by located steps, of one motion or of lanes last."""
+    angles = jnp.multiply.outer(jnp.arange(steps + 1), step.tableau.h)
+    phases = jnp.stack([jnp.cos(angles), jnp.sin(angles)], axis=1)
+    seen = lambda phase, y: None if stations is None else stations.of_lanes(phase, y)
 
-    def seen(angle: Array, y: Array) -> Array | None:
-        phase = jnp.stack([jnp.cos(angle), jnp.sin(angle)])
-        return None if stations is None else stations.of_lanes(phase, y)
+    def one(carry, following):
+        y, unresolved, (known, phase) = carry
+        end, _, more = step.advanced(known, y)
+        return (end, unresolved + more, following), seen(phase, y)
 
-    def one(carry, number):
-        y, unresolved = carry
-        angle = step.tableau.h * number
-        end, _, more = step.advance(angle, y)
-        return (end, unresolved + more), seen(angle, y)
-
-    begin = y, jnp.zeros(y.shape[1:], int)
-    (y, unresolved), samples = jax.lax.scan(one, begin, jnp.arange(steps))
+    first, after = in_turn((jax.vmap(step.known)(angles[:-1]), phases[:-1]))
+    begin = y, jnp.zeros(y.shape[1:], int), first
+    (y, unresolved, _), samples = jax.lax.scan(one, begin, after)
     if samples is not None:
-        last = seen(step.tableau.h * steps, y)
-        samples = jnp.concatenate([samples, last[None]])
+        samples = jnp.concatenate([samples, seen(phases[-1], y)[None]])
     return Revolution(y, samples, unresolved)
 
 

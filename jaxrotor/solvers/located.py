@@ -13,7 +13,7 @@ See docs/concepts/lanes.md for lanes that are split at different instants.
 """
 
 from collections.abc import Iterator
-from typing import Any
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -27,7 +27,7 @@ from .basis import as_real
 from .crossing import Crossing, falls_through_zero, first_crossing
 from .lanes import per_lane, product
 from .ports import take_lanes
-from .step import AbstractForcing, AbstractRotor, At, Part, Step, in_turn, of_ports
+from .step import AbstractForcing, AbstractRotor, At, Part, Step, StepData, in_turn, of_ports
 from .tableau import OnceTableau, Tableau
 
 
@@ -52,7 +52,7 @@ class Along(eqx.Module):
 
 
 class Split(eqx.Module):
-    """State of a partly completed step, and the crossings found in the span last tried; lanes may be last."""
+    """State of a partly completed step, and the crossings in the span last tried; lanes may be last."""
 
     y: Float[Array, "y ..."]
     after: Float[Array, "..."]  # the beginning of the step [rad]
@@ -67,6 +67,15 @@ class Split(eqx.Module):
     def unresolved(self) -> Int[Array, "..."]:
         """1 where the attempts did not complete the step."""
         return (self.tries > TRIES) + 0
+
+
+class KnownStep(NamedTuple):
+    """What is known of a step in time: its start, data of its stages, and those of both ends."""
+
+    start: Any
+    data: StepData
+    begin: At
+    end: At
 
 
 class LocatedStep(eqx.Module):
@@ -116,38 +125,50 @@ class LocatedStep(eqx.Module):
         """State after a step from every start, whether a contact was loaded, how many are unresolved."""
 
         def one(carry, following):
-            y, touched, unresolved, start = carry
-            y, loaded, more = self.advance(start, y)
+            y, touched, unresolved, now = carry
+            y, loaded, more = self.advanced(now, y)
             return (y, touched | loaded, unresolved + more, following), None
 
         lanes = y.shape[1:]
-        first, after = in_turn(starts)
+        first, after = in_turn(jax.vmap(self.known)(starts))
         begin = y, jnp.zeros(lanes, bool), jnp.zeros(lanes, int), first
         (*end, _), _ = jax.lax.scan(one, begin, after)
         return tuple(end)
 
+    def known(self, start: Any) -> "KnownStep":
+        """All that is known of a step by its start."""
+        tableau, forcing, h = self.tableau, self.forcing, self.tableau.h
+        ends = (forcing.at(start, Part(part, h)) for part in (0.0 * h, h))
+        return KnownStep(start, forcing.data(start, tableau.times, h), *ends)
+
     def advance(
         self, start: Any, y: Float[Array, "y ..."]
     ) -> tuple[Float[Array, "y ..."], Bool[Array, "..."], Int[Array, "..."]]:
-        """State after a whole step, whether a contact was loaded in it, and 1 if it is not resolved.
+        """State after a whole step, whether a contact was loaded in it, and 1 if it is not resolved."""
+        return self.advanced(self.known(start), y)
+
+    def advanced(
+        self, now: "KnownStep", y: Float[Array, "y ..."]
+    ) -> tuple[Float[Array, "y ..."], Bool[Array, "..."], Int[Array, "..."]]:
+        """`advance`, by what is known of the step.
 
         All lanes take the whole step together, and those that are split go on in blocks.
         """
         if y.ndim > 1 and not take_lanes(self.whole.ports):
-            begun, loaded = per_lane(lambda own, y: own[0]._begun(own[1], y), (self, start), y)
+            begun, loaded = per_lane(lambda own, y: own[0]._begun(own[1], y), (self, now), y)
         else:
-            begun, loaded = self._begun(start, y)
-        done = _finish(self, start, begun)
+            begun, loaded = self._begun(now, y)
+        done = _finish(self, now.start, begun)
         return done.y, loaded | (done.tries > 0), done.unresolved
 
-    def _begun(self, start: Any, y: Float[Array, "y ..."]) -> tuple["Split", Bool[Array, "..."]]:
+    def _begun(
+        self, now: "KnownStep", y: Float[Array, "y ..."]
+    ) -> tuple[Split, Bool[Array, "..."]]:
         """The step as a whole, or all left of it where a condition ends; whether a contact was loaded."""
-        tableau, forcing = self.tableau, self.forcing
-        h, lanes = tableau.h, y.shape[1:]
-        begin, finish = forcing.at(start, Part(0.0, h)), forcing.at(start, Part(h, h))
-        branches = self.branches(begin, y)
-        y1, loaded = self.whole(forcing.data(start, tableau.times, h), y, Along(branches))
-        ends = self.crossing(begin, branches, y), self.crossing(finish, branches, y1)
+        h, lanes = self.tableau.h, y.shape[1:]
+        branches = self.branches(now.begin, y)
+        y1, loaded = self.whole(now.data, y, Along(branches))
+        ends = self.crossing(now.begin, branches, y), self.crossing(now.end, branches, y1)
         passed = ~jnp.any(falls_through_zero(*ends, h), axis=0)
         left, none = jnp.where(passed, 0.0, h), jnp.zeros(lanes, jnp.result_type(h))
         tries = jnp.zeros(lanes, int)
