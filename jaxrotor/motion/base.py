@@ -212,9 +212,9 @@ def _segment(length: int) -> int:
     return min(near, key=lambda n: abs(n - root), default=root)
 
 
-def bounded(y: Float[Array, "y ..."]) -> Bool[Array, "..."]:
-    """Whether a state and its squares, which observables compute, are finite."""
-    return jnp.all(jnp.abs(y) < jnp.finfo(y.dtype).max ** 0.4, axis=0)
+def bounded(y: Array, axis: int | None = None) -> Bool[Array, "..."]:
+    """Whether a state, along an axis or as a whole, and its squares, which observables take, are finite."""
+    return jnp.all(jnp.abs(y) < jnp.finfo(y.dtype).max ** 0.4, axis=axis)
 
 
 def contact_forces(

@@ -196,7 +196,7 @@ class WindowMarch(AbstractMarch):
         samples = jax.tree.map(
             lambda all, last: jnp.concatenate([all, last[None]]), samples, seen(y)
         )
-        return y, Outcome(bounded(y), jnp.ones(lanes, bool), unresolved, touched), samples
+        return y, Outcome(bounded(y, axis=0), jnp.ones(lanes, bool), unresolved, touched), samples
 
     def _window(self, times, x, seen) -> tuple[Window, Now | None]:
         """The window of one lane by its samples, without forces, and what laws are given in it."""
