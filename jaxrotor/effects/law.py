@@ -11,7 +11,7 @@ from ..core.quantities import Number, Scalar
 
 
 Plane = Float[Array, "2 ..."]  # vector (x, y) in the plane of whirl, of one motion or of lanes
-Branch = Float[Array, " c"]  # for every condition of a law 1 if it holds, else 0
+Branch = Float[Array, "c ..."]  # for every condition of a law 1 if it holds, else 0
 States = Float[Array, "s ..."]  # states of a law, or their rates
 
 

@@ -14,7 +14,7 @@ from ..core.quantities import Scalar
 from ..effects.law import AbstractLaw, Now, States
 
 
-Branches = tuple[Float[Array, "_ _"], ...]  # (k, c) of every stack of k laws of equal structure
+Branches = tuple[Float[Array, "_ _ ..."], ...]  # (k, c) of every stack of k laws of equal structure
 
 
 class Port(eqx.Module):
@@ -96,7 +96,7 @@ class Port(eqx.Module):
 
     def along(
         self, branches: Branches, displacement: Array, velocity: Array, now: Now
-    ) -> Float[Array, "k 2"]:
+    ) -> Float[Array, "k 2 ..."]:
         """Force of every law by the formula of a given branch, also beyond its ends [N]."""
         call = lambda law, now, branch: law.along(branch, displacement, velocity, now)
         stacks = zip(self._stacks(now), branches, strict=True)

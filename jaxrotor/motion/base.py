@@ -53,11 +53,15 @@ class Window(eqx.Module):
     velocity: Complex[Array, "T s ..."]  # [m/s]
     slope: Complex[Array, "T s ..."] | None
     contact_force: Complex[Array, "T k ..."] | None  # [N]
-    coordinates: tuple[Complex[Array, "T n"], Complex[Array, "T n"]] | None  # with their rates
+    coordinates: (
+        tuple[Complex[Array, "T n ..."], Complex[Array, "T n ..."]] | None
+    )  # with their rates
     step: Number  # time from sample to sample [s]
     sense: Number  # sign of the speed of rotation
-    time: Float[Array, " T"] | None = None  # since the start [s]; None: not computed by revolutions
-    speed: Float[Array, " T"] | None = None  # of rotation [rad/s]; None: that of the scene
+    time: Float[Array, "T ..."] | None = (
+        None  # since the start [s]; None: not computed by revolutions
+    )
+    speed: Float[Array, "T ..."] | None = None  # of rotation [rad/s]; None: that of the scene
     bodies: "Bodies | None" = None  # None: the scene has none
     states: Float[Array, "T x ..."] | None = None  # of laws; None: the scene has none
 
@@ -84,11 +88,11 @@ class AbstractMarch(eqx.Module):
         """Whether lanes under `jax.vmap` have their windows by `rows`."""
         return self.plan.batch and isinstance(getattr(self, "step", None), Step | LocatedStep)
 
+    @abc.abstractmethod
     def rows(
         self, y: Float[Array, "y lanes"], *, observed: bool
     ) -> tuple[Float[Array, "y lanes"], Window | None, Outcome]:
         """State after a window, its motion where it is `observed`, and its outcome, all lanes last."""
-        raise NotImplementedError(f"{type(self).__name__} has no lanes that go together.")
 
     @abc.abstractmethod
     def begin(self, start: AbstractStart, at: Scalar) -> Array:
@@ -213,7 +217,7 @@ def _segment(length: int) -> int:
 
 
 def bounded(y: Array, axis: int | None = None) -> Bool[Array, "..."]:
-    """Whether a state, along an axis or as a whole, and its squares, which observables take, are finite."""
+    """Whether a state, along an axis or as a whole, and its squares are finite, as observables need."""
     return jnp.all(jnp.abs(y) < jnp.finfo(y.dtype).max ** 0.4, axis=axis)
 
 

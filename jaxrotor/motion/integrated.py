@@ -124,6 +124,9 @@ class IntegratedMarch(AbstractMarch):
         )
         return end, window, ok
 
+    def rows(self, y, *, observed):
+        raise NotImplementedError("Lanes that are integrated do not go together.")
+
     def _integrated(
         self, y: Array, intervals: int
     ) -> tuple[Array, tuple[Array, Kinematics], Outcome]:

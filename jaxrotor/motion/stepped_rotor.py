@@ -12,7 +12,7 @@ from jaxtyping import Array, Bool, Complex, Float, Int
 
 from ..core.blocks import unbalance_factor
 from ..core.plane import direction
-from ..core.quantities import Scalar
+from ..core.quantities import Number, Scalar
 from ..equations.coupled import INSIDE, AuxiliaryState, CoupledForces, Instant
 from ..equations.fixed_axes import FixedAxes, SpeedTerms
 from ..equations.start import Launch
@@ -32,9 +32,9 @@ class Schedule(eqx.Module):
     """Rotation known in time, and the loads that follow from it."""
 
     spin: AbstractSpin
-    polar: Scalar | None  # moment of inertia [kg m^2]
-    centre: Scalar  # speed of decomposition [rad/s]
-    angle: Scalar  # of rotation at time 0 [rad]
+    polar: Number | None  # moment of inertia [kg m^2]
+    centre: Number  # speed of decomposition [rad/s]
+    angle: Number  # of rotation at time 0 [rad]
     clocks: bool = eqx.field(static=True)  # whether laws ask for the angle
     unbalanced: bool = eqx.field(static=True)
     weighs: bool = eqx.field(static=True)
@@ -120,7 +120,7 @@ class SteppedRotor(eqx.Module):
 
     @property
     def schedule(self) -> "Schedule | None":
-        """What is known in time; None where something moves with the rotor, which reads the time alone."""
+        """Rotation and loads known in time; None where something moves with the rotor."""
         if self.forces is not None:
             return None
         system, rotor = self.system, self.rotor

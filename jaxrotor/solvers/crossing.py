@@ -8,14 +8,14 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from ..core.extremes import bounded, larger, largest, smaller
-from ..core.quantities import Scalar
+from ..core.quantities import Number, Scalar
 
 
 class Crossing(eqx.Module):
     """Margins of all conditions at an instant, infinite where a condition is inactive, and their rates."""
 
-    margin: Float[Array, " c"]
-    rate: Float[Array, " c"]  # [1 / rad]
+    margin: Float[Array, "c ..."]
+    rate: Float[Array, "c ..."]  # [1 / rad]
 
 
 class Cubic(NamedTuple):
@@ -27,7 +27,7 @@ class Cubic(NamedTuple):
     c3: Array
 
     @classmethod
-    def of(cls, begin: Crossing, end: Crossing, span: Scalar) -> "Cubic":
+    def of(cls, begin: Crossing, end: Crossing, span: Number) -> "Cubic":
         """The cubic of the values and rates at both ends; constant where a condition is inactive."""
         active = jnp.isfinite(begin.margin) & jnp.isfinite(end.margin)
         m0, m1 = (jnp.where(active, one.margin, 1.0) for one in (begin, end))
@@ -59,7 +59,7 @@ def _ratio(a: Array, b: Array) -> Array:
     return jnp.where(b == 0, 0.0, a / jnp.where(b == 0, 1.0, b))
 
 
-def falls_through_zero(begin: Crossing, end: Crossing, span: Scalar) -> Bool[Array, " c"]:
+def falls_through_zero(begin: Crossing, end: Crossing, span: Number) -> Bool[Array, "c ..."]:
     """Whether each margin descends through zero within the span."""
     cubic = jax.lax.stop_gradient(Cubic.of(begin, end, span))
     top, bottom = cubic.extrema()

@@ -190,7 +190,7 @@ class Sizes(NamedTuple):
         """All numbers, those of the rates included."""
         return 2 * (self.spin + self.bodies) + self.states
 
-    def named(self, x: Float[Array, " x"]) -> AuxiliaryState:
+    def named(self, x: Float[Array, "x ..."]) -> AuxiliaryState:
         """The spin, the balls and the states of laws by their numbers."""
         d, b = self.spin, self.bodies
         return AuxiliaryState(*jnp.split(x, np.cumsum([d, d, b, b])))
@@ -250,13 +250,17 @@ class Coupled(AbstractForcing):
 
     def forces(self, node, seen, x, law):
         sizes = self.sizes
-        call = lambda parts, both: _found(parts, both, sizes, law)
-        parts, both = (self.coupled, node), jnp.concatenate([seen, x])
+        call = lambda parts, both: _found(parts[:2], both, sizes, parts[2])
+        parts, both = (self.coupled, node, law), jnp.concatenate([seen, x])
         found = call(parts, both) if both.ndim == 1 else per_lane(call, parts, both)
         inputs, rates = jnp.split(found, [found.shape[0] - sizes.total])
         return inputs, rates / self.rate
 
     def of_laws(self, node, x):
+        of = lambda parts, x: parts[0]._of_laws(parts[1], x)
+        return of((self, node), x) if x.ndim == 1 else per_lane(of, (self, node), x)
+
+    def _of_laws(self, node: Instant, x: Float[Array, " x"]) -> Now:
         others = self.sizes.named(x)
         turning = self._turning(node, others)
         return Now(turning.speed, turning.angle, others.states)

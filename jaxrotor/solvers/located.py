@@ -44,7 +44,7 @@ class Along(eqx.Module):
 
     def __call__(
         self, number: int, port: Port, place: Array, velocity: Array, now: Now
-    ) -> Float[Array, "k 2"]:
+    ) -> Float[Array, "k 2 ..."]:
         found = port.along(self.branches[number], place, velocity, now)
         if self.exhausted is None:
             return found
@@ -70,7 +70,7 @@ class Split(eqx.Module):
 
 
 class KnownStep(NamedTuple):
-    """What is known of a step in time: its start, data of its stages, and those of both ends."""
+    """Start of a step, data of its stages, and data of both of its ends, which are known in advance."""
 
     start: Any
     data: StepData
@@ -110,7 +110,7 @@ class LocatedStep(eqx.Module):
         return self.whole.forcing
 
     @property
-    def reading(self) -> Float[Array, "p4 m2"]:
+    def reading(self) -> Float[Array, "p4 m2 ..."]:
         """See `Step`."""
         return self.whole.reading
 
@@ -136,7 +136,7 @@ class LocatedStep(eqx.Module):
         return tuple(end)
 
     def known(self, start: Any) -> "KnownStep":
-        """All that is known of a step by its start."""
+        """Data of a step by its start."""
         tableau, forcing, h = self.tableau, self.forcing, self.tableau.h
         ends = (forcing.at(start, Part(part, h)) for part in (0.0 * h, h))
         return KnownStep(start, forcing.data(start, tableau.times, h), *ends)

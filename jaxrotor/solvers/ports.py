@@ -140,8 +140,8 @@ class PortField(eqx.Module):
         through, parts = self.through_at(phase), (self.motion.ports, self.motion.of_laws(phase))
         if through is None:
             return forces_of_lanes(*parts, seen, law)
-        yielding = lambda every, seen: _through(every[0], every[1], seen, law)
-        every = parts, through
+        yielding = lambda every, seen: _through(*every[:2], seen, every[2])
+        every = parts, through, law
         return yielding(every, seen) if seen.ndim == 1 else per_lane(yielding, every, seen)
 
 
@@ -172,7 +172,7 @@ def forces_of_lanes(
     if seen.ndim == 1:
         return _forces(parts, seen, law)
     if not take_lanes(ports):
-        return per_lane(lambda parts, seen: _forces(parts, seen, law), parts, seen)
+        return per_lane(lambda every, seen: _forces(every[0], seen, every[1]), (parts, law), seen)
     if seen.shape[-1] == 1:
         return _forces(parts, seen, law)
     return jax.lax.optimization_barrier(_forces(parts, jax.lax.optimization_barrier(seen), law))

@@ -113,7 +113,7 @@ class Step(eqx.Module):
         return self.forcing.ports
 
     @property
-    def reading(self) -> Float[Array, "p4 m2"]:
+    def reading(self) -> Float[Array, "p4 m2 ..."]:
         """Reading of the ports by a state of the rotor."""
         return of_ports(self.ports, self.tableau.output)
 
