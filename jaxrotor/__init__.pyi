@@ -118,6 +118,7 @@ from .effects import (
     Limiter as Limiter,
     ModalDamping as ModalDamping,
     RayleighDamping as RayleighDamping,
+    RollingBearing as RollingBearing,
     SqueezeFilm as SqueezeFilm,
     Support as Support,
     Unbalance as Unbalance,
