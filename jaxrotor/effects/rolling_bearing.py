@@ -38,7 +38,7 @@ class RollingBearing(AbstractContact):
     The derivative of the force is continuous, but no higher one is where a ball begins to bear. A touch
     costs an error of the order `h^(exponent + 1)` of the step `h`, whatever the order of the steps, also
     located ones, which find nothing to locate; so 5/2 is the order for balls. `blend` [m] takes
-    `(d + sqrt(d^2 + blend^2)) / 2` for `(d)_+`, which is smooth; the force is then not quite zero in the gap.
+    `(d + sqrt(d^2 + blend^2)) / 2` for `(d)_+`, which is smooth; some force then acts within the gap.
     Source: Fukata et al. (1985); Tiwari, Gupta, Prakash (2000); the torque: virtual work of rolling.
     """
 
@@ -63,8 +63,8 @@ class RollingBearing(AbstractContact):
         check_counts(FEWEST, balls=self.balls)
         if known(self.exponent) and self.exponent < 1:
             raise ValueError(
-                f"`exponent [1]` must not be below 1, but is {float(self.exponent):g}; it is 1.5 for balls "
-                "and 10/9 for rollers."
+                f"`exponent [1]` must not be below 1, but is {float(self.exponent):g}; it is 1.5 for "
+                "balls and 10/9 for rollers."
             )
         if self.linear not in (None, *FREEZES):
             raise ValueError(f'`linear` must be "frozen", "mean" or None, but is {self.linear!r}.')
