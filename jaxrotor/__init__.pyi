@@ -29,6 +29,7 @@ from .analysis import (
     Perturbation as Perturbation,
     Reduction as Reduction,
     ResponsePeaks as ResponsePeaks,
+    RollingPositions as RollingPositions,
     Settled as Settled,
     StabilityMap as StabilityMap,
     StaticPositions as StaticPositions,
