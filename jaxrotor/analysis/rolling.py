@@ -12,7 +12,7 @@ from jaxtyping import Array, Complex, Float
 from ..core import linalg
 from ..core.compiled import compiled_quickly
 from ..core.extremes import largest
-from ..core.quantities import Scalar, known
+from ..core.quantities import Scalar, known, with_values
 from ..core.tables import RPM, notebook_table
 from ..effects import RollingBearing
 from ..effects.law import Now
@@ -159,7 +159,7 @@ class _Rest(eqx.Module):
         return cls(*linear_part(system), system.ports, laws, rows, columns, length, speed)
 
     def _with_laws(self, change: Any) -> "_Rest":
-        """The same with other laws of rolling, those of ports as well."""
+        """The same with other laws of rolling, those of ports as well, which are stacks of laws."""
         own = lambda law: change(law) if isinstance(law, RollingLaw) else law
         ports = [dataclasses.replace(p, laws=tuple(map(own, p.laws))) for p in self.ports]
         return dataclasses.replace(self, ports=tuple(ports), laws=tuple(map(own, self.laws)))
@@ -168,7 +168,7 @@ class _Rest(eqx.Module):
         """The same with all cages turned by a share of the angle between two balls."""
 
         def turn(law: RollingLaw) -> RollingLaw:
-            return dataclasses.replace(law, phase=law.phase + share * 2 * np.pi / law.balls)
+            return with_values(law, phase=law.phase + share * 2 * np.pi / law.balls)
 
         return self._with_laws(turn)
 
@@ -178,7 +178,7 @@ class _Rest(eqx.Module):
         def blend(law: RollingLaw) -> RollingLaw:
             own = 0.0 if law.blend is None else law.blend
             smooth = jnp.sqrt(own**2 + width**2) * jnp.ones_like(law.gap)
-            return dataclasses.replace(law, blend=smooth)
+            return with_values(law, blend=smooth)
 
         return self._with_laws(blend)
 

@@ -108,7 +108,7 @@ class RollingLaw(AbstractSmoothLaw):
         # One sine and cosine serve all balls, along a first axis: lanes remain the last.
         apart = 2 * np.pi / self.balls * np.arange(self.balls)
         apart = apart.reshape(-1, *(1,) * max(jnp.ndim(x), jnp.ndim(cage)))
-        ahead, aside = np.cos(apart), np.sin(apart)
+        ahead, aside = (jnp.asarray(part(apart), cos.dtype) for part in (np.cos, np.sin))
         cos, sin = cos * ahead - sin * aside, sin * ahead + cos * aside
         load = self.stiffness * self._compressed(cos * x + sin * y - self.gap)
         return -jnp.stack([jnp.sum(load * cos, axis=0), jnp.sum(load * sin, axis=0)])

@@ -61,6 +61,7 @@ OTHERS = [
     "overhung-disc",
     "overhung-fan",
     "ring-rub",
+    "rolling-bearing",
     "turbine-run-up",
     "turbine-variants",
     "two-discs",
