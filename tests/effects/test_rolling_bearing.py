@@ -321,14 +321,13 @@ def test_lanes_are_runs():
     """Along times, of gaps and speeds of the outer race; largest displacements."""
     scene, times = machine(520.0, 2e-6), np.linspace(0.0, 0.02, 9)
     over = {"rolling_bearing.gap": [15e-6, GAP], "rolling_bearing.outer_speed": [0.0, 0.5]}
-    fine = np.linspace(0.0, 0.02, 1025)
     how = {"times": times, "start": launch(*START), "error_sample": 0}
     found = jr.sweep(scene, over, solver=jr.Exponential(4), steps_per_revolution=512, **how)
     for i, gap in enumerate(over["rolling_bearing.gap"]):
         for j, outer in enumerate(over["rolling_bearing.outer_speed"]):
             here = {"rolling_bearing.gap": gap, "rolling_bearing.outer_speed": outer}
-            run = jr.run_up(scene.replace(here), fine, start=launch(*START), **TIGHT)
-            peak = np.abs(run.displacement).max()
+            run = jr.run_up(scene.replace(here), times, start=launch(*START), **TIGHT)
+            peak = np.abs(run.displacement[1:]).max()
             assert float(found.peak[i, j]) == pytest.approx(peak, rel=1e-5)
 
 
