@@ -1,6 +1,6 @@
 """Rolling bearing: balls or rollers that a cage carries round between two races."""
 
-from typing import ClassVar, Literal
+from typing import Any, ClassVar, Literal, cast
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -46,7 +46,7 @@ class RollingBearing(AbstractContact):
     plural: ClassVar[str] = "rolling_bearings"
 
     at: Scalar = nonnegative("at [m]")
-    balls: int = eqx.field(static=True)  # number of balls or rollers
+    balls: int = cast(Any, eqx.field)(static=True)  # number of balls or rollers
     stiffness: Scalar = nonnegative("stiffness [N/m^n]")  # of one ball between both races
     gap: Scalar = real("gap [m]")
     inner_radius: Scalar = positive("inner_radius [m]")
@@ -103,7 +103,7 @@ class RollingLaw(AbstractSmoothLaw):
 
     def __call__(self, displacement: Plane, velocity: Plane, now: Now) -> Plane:
         x, y = displacement
-        cage = self.rate * now.angle + self.phase
+        cage = self.rate * cast(Any, now.angle) + self.phase
         cos, sin = jnp.cos(cage), jnp.sin(cage)
         # One sine and cosine serve all balls, along a first axis: lanes remain the last.
         apart = 2 * np.pi / self.balls * np.arange(self.balls)
