@@ -48,7 +48,7 @@ class RollingPositions(eqx.Module):
 
     @property
     def assumption(self) -> str:
-        """What is assumed of the cages, see `Scene`."""
+        """Sentence on the cages, which a linearized scene has as its `assumption`."""
         if self.linear == "mean":
             return "rolling bearings have their mean stiffness over a pass of the cage"
         return "cages of rolling bearings stand at their angle"
