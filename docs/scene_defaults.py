@@ -53,7 +53,7 @@ WHY = {
     "gravity.angle": "downwards, as y points up",
     "rayleigh_damping.mass": "the other one alone",
     "rayleigh_damping.stiffness": "the other one alone",
-    "rolling_bearing.exponent": "balls, by Hertz's law",
+    "rolling_bearing.exponent": "3/2: balls, by Hertz's law",
     "rolling_bearing.outer_speed": "the outer race stands",
     "rolling_bearing.linear": "linear analyses ask for it",
     "support.one_sense": "a table is read at the magnitude of the speed unless it begins below 0",

@@ -195,7 +195,7 @@ class _Rest(eqx.Module):
     def guess(self) -> tuple[Float[Array, " n2"], Scalar]:
         """Position on springs in place of the bearings, and the largest displacement in one [m]."""
         reference = 1e-6 * self.length
-        stiff = lambda law: law.stiffness * law.exponent * reference ** (law.exponent - 1)
+        stiff = lambda law: law.stiffness * law.power * reference ** (law.power - 1)
         springs = of_each(stiff, self.laws)
         pull = (self.columns * springs) @ self.rows
         x = linalg.solve(self.matrix + linalg.block_diag(pull, pull), self.load)
@@ -203,7 +203,7 @@ class _Rest(eqx.Module):
 
         def reach(law: RollingLaw, load: Array) -> Array:
             some = law.stiffness > 0
-            depth = (load / jnp.where(some, law.stiffness, 1.0)) ** (1 / law.exponent)
+            depth = (load / jnp.where(some, law.stiffness, 1.0)) ** (1 / law.power)
             return jnp.abs(law.gap) + jnp.where(some, depth, 0.0)
 
         return x, jnp.max(of_each(reach, self.laws, loads))
@@ -236,7 +236,7 @@ def _positions(rest: _Rest) -> tuple[tuple[Array, Array, Array], Array, Array]:
         own, slopes = with_slopes(lambda place: law(place, jnp.zeros(2), now), place)
         position, load = place[0] + 1j * place[1], -own[0] - 1j * own[1]
         depth = jnp.abs(law.gap) + jnp.hypot(*free(place))
-        return position, load, -slopes, law.exponent * law.stiffness * depth ** (law.exponent - 1)
+        return position, load, -slopes, law.power * law.stiffness * depth ** (law.power - 1)
 
     *found, stiff = of_each(bearing, rest.laws, rest.places(x))
     loose = ~(stiff * largest(jnp.abs(compliance).reshape(-1, 4).T) < LOOSE)

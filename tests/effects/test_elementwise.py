@@ -29,7 +29,7 @@ LAWS = {
     "blended film": jr.JournalBearing(0.5, **FILM, blend=0.1).law(),
     "full film": jr.SqueezeFilm(0.5, **FILM, cavitated=False).law(),
     "rolling bearing": jr.RollingBearing(0.5, **ROLLING, angle=0.3).law(),
-    "blended rolling bearing": jr.RollingBearing(0.5, **ROLLING, blend=1e-6).law(),
+    "blended rolling bearing": jr.RollingBearing(0.5, **ROLLING, exponent=1.2, blend=1e-6).law(),
     "unequal bearing": DeviatorLaw(jnp.array([2e6, 3e5]), jnp.array([40.0, 7.0])),
 }
 

@@ -154,7 +154,7 @@ def force_and_torque(law, place, angle):
 
 
 @pytest.mark.parametrize(
-    ("exponent", "blend"), [(1.0, None), (10 / 9, None), (1.5, None), (1.5, 2e-6)]
+    ("exponent", "blend"), [(1.0, None), (10 / 9, None), (None, None), (None, 2e-6), (1.4, 2e-6)]
 )
 def test_force_and_torque_are_slopes_of_the_energy(exponent, blend):
     """`Re(F* z.) + T_i w_i + T_o w_o = -U.`, `U = K Sum u^(n+1) / (n+1)` of balls pressed by `u = (d)_+`.
@@ -162,6 +162,7 @@ def test_force_and_torque_are_slopes_of_the_energy(exponent, blend):
     Blended it is `u = (d + sqrt(d^2 + b^2)) / 2`, and `K u^(n-1) b^2 / 4 / (n-1)` comes to it.
     """
     law = bearing(exponent=exponent, angle=0.3, outer_speed=0.7, blend=blend).law()
+    exponent = float(law.power)
 
     def power(depth):
         if blend is None:
@@ -202,7 +203,7 @@ def test_mirror_image_and_turned_law(blend):
     np.testing.assert_allclose(same, torque, rtol=0, atol=1e-12 * moment)
 
 
-@pytest.mark.parametrize("exponent", [1.0, 1.5])
+@pytest.mark.parametrize("exponent", [1.0, None])
 @pytest.mark.parametrize("blend", [None, 1e-8])
 def test_derivatives_where_a_ball_begins_to_bear(exponent, blend):
     """At the edge of the gap, within it and at its centre, in both precisions."""
@@ -301,7 +302,7 @@ STEP = 1e-5
 
 @pytest.mark.slow
 def test_derivatives_of_a_motion_by_all_numbers():
-    scene = machine(520.0, 2e-6, outer_speed=-0.3, blend=1e-6)
+    scene = machine(520.0, 2e-6, outer_speed=-0.3, blend=1e-6, exponent=1.5)
     values = jnp.array(list(NUMBERS.values()))
 
     def end(values):
