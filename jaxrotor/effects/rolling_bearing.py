@@ -28,19 +28,21 @@ class RollingBearing(AbstractContact):
     `outer_radius`, those of the races, enters. The outer race turns at `outer_speed` times the speed of
     the shaft; where this is negative it may stop the cage. `angle` is that of ball 0 at `theta = 0`. `gap`
     is the clearance on one side, half of what catalogues give as radial clearance; a negative one is a
-    preload. `exponent` is 10/9 for rollers; without it, it is 3/2, that of balls, by a root, which takes a
-    tenth of the time of a power in a sweep.
+    preload. `exponent` is 10/9 for rollers. If it is absent, it is 3/2, as for balls, and the force takes
+    roots in place of powers, which is ten times as fast in lanes of a sweep.
 
     Rolling is a gear: the shaft feels the torque `T`, and what drives the outer race, outside of the
-    scene, feels `-r_o Im(z* F)`. With both, energy `stiffness Sum (d_j)_+^(exponent + 1) / (exponent + 1)`
-    is conserved. `linear` is for static positions and `jaxrotor.linearized`: "frozen" has the cage at its
-    `angle`, "mean" the mean over a pass of the cage by `2 pi / balls`; None: they refuse.
+    scene, feels `-r_o Im(z* F)`. Both together and the force do work only on the elastic energy
+    `stiffness Sum (d_j)_+^(exponent + 1) / (exponent + 1)`.
 
-    The derivative of the force is continuous, but no higher one is where a ball begins to bear; at an
-    exponent of 1 the derivative jumps, too. A touch
-    costs an error of the order `h^(exponent + 1)` of the step `h`, whatever the order of the steps, also
-    located ones, which find nothing to locate; so 5/2 is the order for balls. `blend` [m] takes
-    `(d + sqrt(d^2 + blend^2)) / 2` for `(d)_+`, which is smooth; some force then acts within the gap.
+    `linear` is for `jaxrotor.static_positions` and `jaxrotor.linearized`: "frozen" has the cage at its
+    `angle`, "mean" takes the mean over a pass of the cage by `2 pi / balls`. Both refuse None.
+
+    Where a ball begins to bear, the force has a continuous derivative and no second one, and at an
+    exponent of 1 a kink. Such a touch costs an error of the order `h^(exponent + 1)` of the step `h`, so
+    5/2 for balls, whatever the order of the steps, and also if they are located, as no formula changes.
+    `blend` [m] takes `(d + sqrt(d^2 + blend^2)) / 2` for `(d)_+`, which is smooth; some force then acts
+    in the gap.
     Source: Fukata et al. (1985); Tiwari, Gupta, Prakash (2000); the torque: virtual work of rolling.
     """
 
@@ -49,11 +51,11 @@ class RollingBearing(AbstractContact):
 
     at: Scalar = nonnegative("at [m]")
     balls: int = cast(Any, eqx.field)(static=True)  # number of balls or rollers
-    stiffness: Scalar = nonnegative("stiffness [N/m^n]")  # of one ball between both races
+    stiffness: Scalar = nonnegative("stiffness [N/m^n]")  # of one ball between both races [N/m^n]
     gap: Scalar = real("gap [m]")
     inner_radius: Scalar = positive("inner_radius [m]")
     outer_radius: Scalar = positive("outer_radius [m]")
-    exponent: Scalar | None = at_least("exponent [1]", 1.0, default=None)  # None: 3/2
+    exponent: Scalar | None = at_least("exponent [1]", 1.0, default=None)  # 3/2 if absent
     angle: Scalar = real("angle [rad]", default=0.0)
     outer_speed: Scalar = real("outer_speed [1]", default=0.0)
     blend: Scalar | None = positive("blend [m]", default=None)
