@@ -1,6 +1,7 @@
 """Rolling: static positions of shafts in rolling bearings, and their stiffness there."""
 
 import dataclasses
+from collections.abc import Callable
 from typing import Any
 
 import equinox as eqx
@@ -158,7 +159,7 @@ class _Rest(eqx.Module):
         laws, speed = tuple(bearing.law() for bearing in bearings), jnp.asarray(system.spin.speed)
         return cls(*linear_part(system), system.ports, laws, rows, columns, length, speed)
 
-    def _with_laws(self, change: Any) -> "_Rest":
+    def _with_laws(self, change: Callable[[RollingLaw], RollingLaw]) -> "_Rest":
         """The same with other laws of rolling, those of ports as well, which are stacks of laws."""
         own = lambda law: change(law) if isinstance(law, RollingLaw) else law
         ports = [dataclasses.replace(p, laws=tuple(map(own, p.laws))) for p in self.ports]
@@ -193,7 +194,10 @@ class _Rest(eqx.Module):
         return jnp.stack([double(row) @ x for row in self.rows])
 
     def guess(self) -> tuple[Float[Array, " n2"], Scalar]:
-        """Position on springs in place of the bearings, and the largest displacement in one [m]."""
+        """Position on springs in place of the bearings, and the largest displacement in one [m].
+
+        Each spring is as stiff as a ball that is pressed in by a millionth of the shaft's length.
+        """
         reference = 1e-6 * self.length
         stiff = lambda law: law.stiffness * law.power * reference ** (law.power - 1)
         springs = of_each(stiff, self.laws)
@@ -206,7 +210,8 @@ class _Rest(eqx.Module):
             depth = (load / jnp.where(some, law.stiffness, 1.0)) ** (1 / law.power)
             return jnp.abs(law.gap) + jnp.where(some, depth, 0.0)
 
-        return x, jnp.max(of_each(reach, self.laws, loads))
+        most = jnp.max(of_each(reach, self.laws, loads))
+        return x, jnp.where(most > 0, most, reference)
 
 
 def _positions(rest: _Rest) -> tuple[tuple[Array, Array, Array], Array, Array]:
@@ -223,7 +228,7 @@ def _positions(rest: _Rest) -> tuple[tuple[Array, Array, Array], Array, Array]:
     # One more step, which has the derivatives by the implicit function theorem.
     residual, jacobian = rest.residual(x)
     change = -linalg.solve(free(jacobian), residual)
-    good = linalg.norm(free(change)) <= 1e-6 * linalg.norm(x)
+    good = linalg.norm(free(change)) <= 1e-6 * (linalg.norm(x) + reach)
     x = x + change
     both = linalg.block_diag(rest.columns, rest.columns)
     yields = free(linalg.solve(jacobian, both)).reshape(2, -1, 2, len(rest.laws))

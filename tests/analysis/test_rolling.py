@@ -167,6 +167,17 @@ def test_bearings_of_a_flexible_rotor():
     assert jr.linearized(scene).of(jr.Support)[1].on == "pedestal"
 
 
+@pytest.mark.parametrize("gap", [0.0, 2e-5])
+def test_a_bearing_without_a_load_has_no_stiffness(gap):
+    """Where another one holds the shaft."""
+    scene = at(3, weight=0.0, gap=gap)
+    held = scene.of_parts(*scene.effects, jr.Support(0.5, kxx=1e6, cxx=0.0))
+    found = jr.static_positions(held)
+    assert np.abs(found.position).max() < 1e-20 and np.abs(found.stiffness).max() < 1e-9
+    roots = np.asarray(jr.roots(jr.linearized(held)))
+    np.testing.assert_allclose(np.abs(roots.imag), np.sqrt(1e6 / MASS - 25.0), rtol=1e-9)
+
+
 @pytest.mark.parametrize(
     ("scene", "message"),
     [
