@@ -287,6 +287,24 @@ on = "pedestal"
 """
         + PEDESTAL
     ],
+    "rolling_bearing": [
+        """\
+[rolling_bearing]                  # numbers of a 6306 with 8 balls
+at = "0.4 m"
+balls = 8
+stiffness = 13.34e9                # N/m^n, of one ball; n is the exponent
+gap = "20 um"                      # on one side
+inner_radius = "40.1 mm"
+outer_radius = "63.9 mm"           # the ratio of both counts
+exponent = 1.111                   # of rollers; 3/2, of balls, may be left out
+angle = "-90 deg"                  # of ball 0 at the start
+outer_speed = -0.6                 # over the speed of the shaft, of an outer race that turns back
+blend = "0.01 um"
+linear = "mean"                    # cage of linear analyses; "frozen": at `angle`
+on = "pedestal"
+"""
+        + PEDESTAL
+    ],
     "cubic_spring": [
         """\
 [cubic_spring]

@@ -23,6 +23,7 @@ from jaxrotor import (
     MasslessShaft,
     ModalDamping,
     RayleighDamping,
+    RollingBearing,
     Scene,
     SqueezeFilm,
     Support,
@@ -146,6 +147,8 @@ EFFECTS = [
         angular_damping=0.1,
     ),
 ]
+# What counts turns of the shaft, so that it has no motion by whole revolutions.
+TURNING = [RollingBearing(LENGTH, 7, 4e7, 1e-3, 0.04, 0.06, angle=0.3)]
 HARMONIC = [HystereticDamping(0.01)]  # known for harmonic motions only
 ROLLING = [
     BallBalancer(LENGTH, 0.05, 0.06, 3.5, in_use=2.0, ball_radius=0.02, places=3),
@@ -167,6 +170,7 @@ STRENGTHS = {
     "annular_stator": ("stiffness", "damping"),
     "journal_bearing": ("viscosity",),
     "squeeze_film": ("viscosity",),
+    "rolling_bearing": ("stiffness",),
     "support": (
         "stiffness",
         "damping",

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import equinox as eqx
 import pytest
-from systems import BESIDE, EFFECTS, HARMONIC, ROLLING, STRENGTHS
+from systems import BESIDE, EFFECTS, HARMONIC, ROLLING, STRENGTHS, TURNING
 
 import jaxrotor
 import jaxrotor.plot
@@ -317,7 +317,8 @@ CONCRETE = [
 
 
 def test_every_effect_is_in_the_list_of_the_tests():
-    assert {type(effect) for effect in EFFECTS + HARMONIC + ROLLING + BESIDE} == set(CONCRETE)
+    every = EFFECTS + TURNING + HARMONIC + ROLLING + BESIDE
+    assert {type(effect) for effect in every} == set(CONCRETE)
     assert set(STRENGTHS) == {cls.kind for cls in CONCRETE}
     assert all(getattr(jaxrotor, cls.__name__) is cls for cls in CONCRETE)
 

@@ -64,6 +64,7 @@ from .reduction import (
     inertia_from_frequency as inertia_from_frequency,
     reduction as reduction,
 )
+from .rolling import RollingPositions as RollingPositions
 from .settling import Settled as Settled, settled as settled
 from .stability import (
     Onset as Onset,

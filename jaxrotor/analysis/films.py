@@ -1,6 +1,5 @@
 """Films: static positions of journals in their oil films, and linear coefficients there."""
 
-from collections.abc import Callable
 from typing import Any
 
 import equinox as eqx
@@ -12,19 +11,20 @@ from jaxtyping import Array, ArrayLike, Bool, Complex, Float
 from ..core import linalg
 from ..core.compiled import compiled_quickly
 from ..core.extremes import larger
-from ..core.plane import real_matrix
 from ..core.quantities import Scalar, known
 from ..core.tables import RPM, notebook_table
-from ..effects import Support
+from ..effects import RollingBearing, Support
 from ..effects.film import AbstractFilm, FilmLaw
 from ..effects.law import Now
-from ..equations.pencil import Pencil, check_axes, frame, unequal_parts
+from ..equations.pencil import check_axes, frame, unequal_parts
 from ..equations.port import Port
 from ..equations.speed_tables import check_tables
 from ..equations.stationary_frame import check_not_turning
 from ..equations.system import System, assemble
 from ..scene import Scene
 from ..shafts.cased import ends
+from .equilibrium import double, linear_part, of_each, parts_of, port_forces_at_rest, with_slopes
+from .rolling import RollingPositions, freeze_of, rolling_positions
 
 
 NEAREST = 1e-4  # root of 1 - eccentricity^2 up to which a film is sought to bear its load
@@ -62,28 +62,40 @@ class StaticPositions(eqx.Module):
         return notebook_table("Static positions in oil films", heads, rows)
 
 
-def static_positions(scene: Scene, speeds: Any = None) -> StaticPositions:
-    """`K q = loads + Sum column F(row q, 0, Omega)`: the rotor at rest in its oil films, under weight.
+def static_positions(scene: Scene, speeds: Any = None) -> StaticPositions | RollingPositions:
+    """`K q = loads + Sum column F(row q, 0, Omega)`: the rotor at rest in its bearings, under weight.
 
-    The equilibrium is that of the whole rotor, also where its bearings share the load by its
+    The equilibrium in oil films is that of the whole rotor, also where its bearings share the load by its
     stiffness, and the coefficients are the exact Jacobian of the film there. Newton's method starts
     from the loads that the weight puts on the bearings, each in the position that bears it.
 
+    In rolling bearings the rotor rests where `linear` of each has the cage: "frozen" at its `angle`, or
+    "mean", the mean of all such positions while the cages, all together, turn by the angle between two
+    balls, at 256 angles: where a ball begins to bear in between, the error of a stiffness is about 1e-4.
+
     Args:
-        scene: a rotor with at least one `JournalBearing` or `SqueezeFilm`.
+        scene: a rotor with at least one `JournalBearing` or `SqueezeFilm`, or one `RollingBearing`.
         speeds: one or more speeds [rad/s], by default that of the scene.
 
     Returns:
-        `StaticPositions`, with first derivatives by all parameters.
+        `StaticPositions` in films, `RollingPositions` in rolling bearings, with first derivatives by all
+        parameters.
 
     Raises:
-        ValueError: if the scene has no film, has unequal axes that turn, or no static position was found,
-            as at rest, where a film bears nothing and a Support must.
+        ValueError: if the scene has no film and no rolling bearing, or both, has unequal axes that turn,
+            or no static position was found, as at rest, where a film bears nothing and a Support must, or
+            in a rolling bearing without a load, or of one ball under load; or its `linear` is None.
     """
     speeds = jnp.atleast_1d(jnp.asarray(scene.spin.speed if speeds is None else speeds, float))
-    if not scene.of(AbstractFilm):
+    rolling = bool(scene.of(RollingBearing))
+    if not scene.of(AbstractFilm) and not rolling:
         raise ValueError(
             "The scene has no oil film; add a JournalBearing or a SqueezeFilm, or take the scene as it is."
+        )
+    if rolling and scene.of(AbstractFilm):
+        raise ValueError(
+            "Static positions are those of oil films or of rolling bearings, but the scene has both; put "
+            "a Support in place of one kind, or simulate it in time."
         )
     check_tables(scene, speeds)
     system, films = assemble(scene), scene.of(AbstractFilm)
@@ -93,6 +105,8 @@ def static_positions(scene: Scene, speeds: Any = None) -> StaticPositions:
             "has no static position; simulate it in time."
         )
     check_axes(system, "There is no static position", "simulate it in time")
+    if rolling:
+        return rolling_positions(scene, system, speeds)
     check_not_turning(system, "A static position", "simulate it in time")
     position, load, stiffness, damping = _at_speeds(system, films, speeds)
     if known(position) and not np.isfinite(position).all():
@@ -115,18 +129,19 @@ def static_positions(scene: Scene, speeds: Any = None) -> StaticPositions:
 
 
 def linearized(scene: Scene, speeds: Any = None) -> Scene:
-    """The scene with a linear `Support` in place of each oil film, for all linear analyses.
+    """The scene with a linear `Support` in place of each film or rolling bearing, for linear analyses.
 
     Its coefficients are those about the static position: at the speed of the scene, or tables over
     `speeds`, between which they are interpolated (see `Support`) and outside of which they are refused.
 
     Args:
-        scene: a rotor with at least one `JournalBearing` or `SqueezeFilm`.
+        scene: a rotor as of `static_positions`.
         speeds: two or more speeds [rad/s] of the scene's sense in ascending order, as nodes of the
             tables; None: that of the scene. The tables hold for this sense of rotation alone.
 
     Returns:
         The scene, whose other effects are the same. The coefficients of a film without viscosity are zero.
+        Of rolling bearings, which have stiffness alone, `assumption` says where their cages are.
 
     Raises:
         ValueError: as `static_positions`, or the speeds are not two or more in ascending order, or the
@@ -153,16 +168,21 @@ def linearized(scene: Scene, speeds: Any = None) -> Scene:
                 f"one sense, but are from {least:g} to {most:g} rad/s; take one scene for each sense."
             )
     found = static_positions(scene, speeds)
-    films = scene.of(AbstractFilm)
+    kind = AbstractFilm if isinstance(found, StaticPositions) else RollingBearing
+    bearings = scene.of(kind)
     effects = []
     for effect in scene.effects:
-        if not isinstance(effect, AbstractFilm):
+        if not isinstance(effect, kind):
             effects.append(effect)
             continue
-        j = next(i for i, film in enumerate(films) if film is effect)
-        own = found.stiffness[:, j], found.damping[:, j]
+        j = next(i for i, one in enumerate(bearings) if one is effect)
+        damping = found.damping[:, j] if isinstance(found, StaticPositions) else None
+        own = found.stiffness[:, j], damping
         effects.append(_support(effect, None if speeds is None else found.speeds, *own))
-    return scene.of_parts(*effects)
+    if isinstance(found, StaticPositions):
+        return scene.of_parts(*effects)
+    assumption = "; ".join(filter(None, [scene.assumption, found.assumption]))
+    return Scene(scene.shaft, *effects, spin=scene.spin, assumption=assumption)
 
 
 def film_support(film: AbstractFilm, load: ArrayLike, speeds: Any) -> Support:
@@ -210,19 +230,31 @@ def check_linear(scene: Scene, speeds: Any = None) -> None:
             f"Oil films ({names}) have linear coefficients about a static position only; give this "
             "analysis `jaxrotor.linearized(scene)`, or `linearized(scene, speeds)` over several speeds."
         )
+    if bearings := scene.of(RollingBearing):
+        freeze_of(scene)
+        names = ", ".join(scene.name_of(bearing) for bearing in bearings)
+        raise ValueError(
+            f"Rolling bearings ({names}) are linear about a static position only; give this analysis "
+            "`jaxrotor.linearized(scene)`."
+        )
     check_tables(scene, speeds)
 
 
 def _support(
-    film: AbstractFilm, speeds: Array | None, stiffness: Float[Array, "k 2 2"], damping: Any
+    bearing: AbstractFilm | RollingBearing,
+    speeds: Array | None,
+    stiffness: Float[Array, "k 2 2"],
+    damping: Any,
 ) -> Support:
     """A support with coefficients at `k` speeds, or at one where `speeds` is None."""
     numbers: dict[str, Any] = {}
-    for letter, matrix in (("k", stiffness), ("c", damping)):
+    given = [("k", stiffness), *([] if damping is None else [("c", damping)])]
+    for letter, matrix in given:
         for i, j, axes in ((0, 0, "xx"), (0, 1, "xy"), (1, 0, "yx"), (1, 1, "yy")):
             numbers[letter + axes] = matrix[:, i, j] if speeds is not None else matrix[0, i, j]
-    sense = {} if speeds is None else {"speeds": speeds, "one_sense": film.turning}
-    return Support(at=film.at, on=film.on, **sense, **numbers)
+    turning = bearing.turning if isinstance(bearing, AbstractFilm) else False
+    sense = {} if speeds is None else {"speeds": speeds, "one_sense": turning}
+    return Support(at=bearing.at, on=bearing.on, **sense, **numbers)
 
 
 # === equilibrium
@@ -245,42 +277,32 @@ class _Balance(eqx.Module):
         pairs = [ends(system.line, film.at, film.on) for film in films]
         rows = jnp.stack([row for row, _ in pairs])
         columns = jnp.stack([column for _, column in pairs], axis=1)
-        mean, fixed = Pencil.mean(system).stiffness, system.blocks.fixed_stiffness
-        matrix = real_matrix(mean, jnp.zeros_like(mean) if fixed is None else fixed)
-        constant = system.load.constant
-        constant = jnp.zeros(system.n, complex) if constant is None else constant
+        matrix, load = linear_part(system)
         laws = tuple(film.law() for film in films)
         speed = jnp.asarray(system.spin.speed)
-        return cls(matrix, _parts(constant), system.ports, laws, rows, columns, speed)
+        return cls(matrix, load, system.ports, laws, rows, columns, speed)
 
     @classmethod
     def under_load(cls, film: AbstractFilm, load: Complex[Array, ""], speed: Scalar) -> "_Balance":
         """Balance of a journal under a load."""
         one, law = jnp.ones(1), film.law()
         port = Port(one, one, film.at, (jax.tree.map(lambda leaf: jnp.asarray(leaf)[None], law),))
-        zero, load = jnp.zeros((2, 2)), _parts(load[None])
+        zero, load = jnp.zeros((2, 2)), parts_of(load[None])
         return cls(zero, load, (port,), (law,), one[None], one[:, None], speed)
 
     def residual(self, x: Array) -> tuple[Float[Array, " n2"], Float[Array, "n2 n2"]]:
         """Force that is not balanced, and its derivative."""
-
-        def pressed(port: Port) -> tuple[Array, Array]:
-            force = lambda at: port.forces(at, jnp.zeros(2), Now(self.speed)).sum(0)
-            row, column = _double(port.row), _double(port.column).T
-            value, slope = _with_slopes(force, row @ x)
-            return column @ value, column @ slope @ row
-
-        values, slopes = _of_each(pressed, self.ports)
-        return self.matrix @ x - self.load - values.sum(0), self.matrix - slopes.sum(0)
+        values, slopes = port_forces_at_rest(self.ports, Now(self.speed), x)
+        return self.matrix @ x - self.load - values, self.matrix - slopes
 
     def places(self, x: Array) -> Float[Array, "f 2"]:
         """Displacements of the journals [m]."""
-        return jnp.stack([_double(row) @ x for row in self.rows])
+        return jnp.stack([double(row) @ x for row in self.rows])
 
     def eccentricities(self, x: Array) -> Float[Array, " f"]:
         """Distances of the journals from the centres of their bushes, over the clearances."""
         distance = lambda law, place: linalg.norm(law.eccentricity(place))
-        return _of_each(distance, self.laws, self.places(x))
+        return of_each(distance, self.laws, self.places(x))
 
     def guess(self) -> Float[Array, " n2"]:
         """Every journal in the position that bears the load which a spring in place of its film carries.
@@ -297,38 +319,13 @@ class _Balance(eqx.Module):
             """Position on springs that are without force in some places."""
             pull = (self.columns * springs) @ self.rows
             matrix = self.matrix + linalg.block_diag(pull, pull)
-            return linalg.solve(matrix, self.load + _parts(self.columns @ (springs * places)))
+            return linalg.solve(matrix, self.load + parts_of(self.columns @ (springs * places)))
 
         x, y = (self.places(held(springs, centres))).T
         loads = springs * (x + 1j * y - centres)
         place = lambda law, load: _bearing_place(law, load, self.speed)
-        places = _of_each(place, self.laws, loads)
+        places = of_each(place, self.laws, loads)
         return held(STIFF * springs, centres + places)
-
-
-def _double(row: Float[Array, " n"]) -> Float[Array, "2 n2"]:
-    """Displacement `(x, y)` of a row by real and imaginary parts."""
-    return jnp.stack([jnp.append(row, 0 * row), jnp.append(0 * row, row)])
-
-
-def _parts(q: Complex[Array, " n"]) -> Float[Array, " n2"]:
-    return jnp.concatenate([q.real, q.imag])
-
-
-def _with_slopes(function: Callable, x: Array) -> tuple[Array, Array]:
-    """A function of a vector, and its derivative by that."""
-    one = lambda along: jax.jvp(function, (x,), (along,))
-    value, slopes = jax.vmap(one, out_axes=(None, -1))(jnp.eye(x.size))
-    return value, slopes
-
-
-def _of_each(function: Callable, parts: tuple, *more: Array) -> Any:
-    """`function(part, ..)` of all parts with the rows of `more`, traced once if the parts are alike."""
-    stack = lambda *leaves: jnp.stack(leaves)
-    kinds = {(jax.tree.structure(part), *map(jnp.shape, jax.tree.leaves(part))) for part in parts}
-    if len(parts) > 1 and len(kinds) == 1:
-        return jax.vmap(function)(jax.tree.map(stack, *parts), *more)
-    return jax.tree.map(stack, *(function(*each) for each in zip(parts, *more, strict=True)))
 
 
 def _bearing_place(law: FilmLaw, load: Complex[Array, ""], speed: Scalar) -> Complex[Array, ""]:
@@ -357,12 +354,12 @@ def _positions(balance: _Balance):
 
     def film(law: FilmLaw, place: Array) -> tuple[Array, ...]:
         force = lambda motion: law(motion[:2], motion[2:], Now(balance.speed))
-        own, slopes = _with_slopes(force, jnp.append(place, jnp.zeros(2)))
+        own, slopes = with_slopes(force, jnp.append(place, jnp.zeros(2)))
         position = place - jnp.stack([law.x, law.y])
         vectors = position[0] + 1j * position[1], -own[0] - 1j * own[1]
         return *vectors, -slopes[:, :2], -slopes[:, 2:]
 
-    return _of_each(film, balance.laws, balance.places(x))
+    return of_each(film, balance.laws, balance.places(x))
 
 
 def _newton(balance: _Balance) -> tuple[Float[Array, " n2"], Bool[Array, ""]]:

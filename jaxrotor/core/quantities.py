@@ -75,6 +75,23 @@ def nonnegative(label: str, **options: Any) -> Any:
     return _quantity(label, checked, **options)
 
 
+def at_least(label: str, least: float, **options: Any) -> Any:
+    """Field for a number that is not below `least`.
+
+    Args:
+        label: name and unit, "exponent [1]".
+        least: smallest allowed number.
+        options: as of `positive`.
+
+    Returns:
+        The field of an `equinox.Module`.
+    """
+    rule = f"must not be below {least:g}"
+    return _quantity(
+        label, functools.partial(check, holds=lambda x: x >= least, rule=rule), **options
+    )
+
+
 def real(label: str, **options: Any) -> Any:
     """Field for any finite number.
 

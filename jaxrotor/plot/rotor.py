@@ -5,9 +5,18 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.patches import Rectangle
+from matplotlib.patches import Circle, Rectangle
 
-from ..effects import AnnularStator, BallBalancer, Casing, Disc, Limiter, Support, Unbalance
+from ..effects import (
+    AnnularStator,
+    BallBalancer,
+    Casing,
+    Disc,
+    Limiter,
+    RollingBearing,
+    Support,
+    Unbalance,
+)
 from ..effects.base import AbstractContact
 from ..effects.rub import AbstractRub
 from ..scene import Scene
@@ -19,11 +28,11 @@ BESIDE, ABOVE = 17.0, 19.0  # mm: labels beside the Axes, labels and legend belo
 LOWEST, HIGHEST, NARROWEST = 50.0, 110.0, 85.0  # mm: sizes of a figure
 THICK = 0.5  # largest thickness of a disc, relative to the length of the shaft
 HOUSED = (0.5, 0.65)  # upper and lower side of a casing, between axis and ground
-DRAWN = (AnnularStator, Disc, BallBalancer, Casing, Limiter, Support, Unbalance)
+DRAWN = (AnnularStator, Disc, BallBalancer, Casing, Limiter, RollingBearing, Support, Unbalance)
 
 
 def rotor(scene: Scene, ax: Axes | None = None) -> Axes:
-    """Shaft, discs, supports, limiters and rings of a scene, drawn to scale from the side.
+    """Shaft, discs, bearings, limiters and rings of a scene, drawn to scale from the side.
 
     A disc is drawn as the solid disc of its mass and moments of inertia, but thin if that would be thicker
     than half the length of the shaft. A limiter or ring is at its gap from the rim that it touches.
@@ -42,6 +51,7 @@ def rotor(scene: Scene, ax: Axes | None = None) -> Axes:
     tall = [0.05 * length, _shaft(ax, scene.shaft, length)]
     tall += [_disc(ax, disc, length) for disc in scene.of(Disc)]
     tall += [_balls(ax, balls) for balls in scene.of(BallBalancer)]
+    tall += [_rolling(ax, bearing) for bearing in scene.of(RollingBearing)]
     tall += [_stop(ax, stop, length) for stop in scene.of(AbstractRub)]
     ground = -1.2 * max(tall)
     for held in getattr(scene.shaft, "constraints", ()):
@@ -130,6 +140,19 @@ def _balls(ax: Axes, balls: BallBalancer) -> float:
     style = {"color": colours.TEAL, "markersize": 5.0, "markerfacecolor": "none"}
     ax.plot([at, at], [-race, race], "o", label=page.once(ax, "balls"), **style)
     return race
+
+
+def _rolling(ax: Axes, bearing: RollingBearing) -> float:
+    """Draw a ball above and below the axis between two races; returns the larger one as drawn."""
+    at, inner, outer = (_drawn(x) for x in (bearing.at, bearing.inner_radius, bearing.outer_radius))
+    pitch, half = (inner + outer) / 2, abs(outer - inner) / 2
+    for side in (1, -1):
+        style = {"facecolor": "none", "edgecolor": colours.MAGENTA}
+        label = page.once(ax, "rolling bearing")
+        ax.add_patch(Circle((at, side * pitch), half, label=label, **style))
+        for race in (inner, outer):
+            ax.plot([at - half, at + half], [side * race] * 2, color=colours.DARK, linewidth=1.0)
+    return max(inner, outer)
 
 
 def _stop(ax: Axes, stop: AbstractRub, length: float) -> float:

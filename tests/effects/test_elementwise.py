@@ -17,6 +17,7 @@ from jaxrotor.solvers.ports import forces_of_lanes
 LANES = 12
 FILM = {"viscosity": 0.02, "radius": 0.04, "length": 0.03, "clearance": 1e-4}
 STOP = {"gap": 2e-5, "stiffness": 4e6, "damping": 60.0, "friction": 0.1, "rim_radius": 0.1}
+ROLLING = {"balls": 7, "stiffness": 1e10, "gap": 2e-5, "inner_radius": 0.04, "outer_radius": 0.06}
 SOFT = {"blend": 1e-5, "slip": 0.05}
 LAWS = {
     "stop": jr.Limiter(0.5, 0.7, **STOP).law(),
@@ -27,15 +28,17 @@ LAWS = {
     "film": jr.JournalBearing(0.5, **FILM, offset=1e-5, angle=0.4).law(),
     "blended film": jr.JournalBearing(0.5, **FILM, blend=0.1).law(),
     "full film": jr.SqueezeFilm(0.5, **FILM, cavitated=False).law(),
+    "rolling bearing": jr.RollingBearing(0.5, **ROLLING, angle=0.3).law(),
+    "blended rolling bearing": jr.RollingBearing(0.5, **ROLLING, exponent=1.2, blend=1e-6).law(),
     "unequal bearing": DeviatorLaw(jnp.array([2e6, 3e5]), jnp.array([40.0, 7.0])),
 }
 
 
 def motions():
-    """Displacements [m], velocities [m/s] and speeds [rad/s], lanes last."""
+    """Displacements [m], velocities [m/s], speeds [rad/s] and angles [rad], lanes last."""
     draw = np.random.default_rng(0)
     place = lambda size: jnp.asarray(draw.uniform(-size, size, (2, LANES)))
-    return place(6e-5), place(0.1), Now(jnp.asarray(draw.uniform(-300, 300, LANES)))
+    return place(6e-5), place(0.1), Now(*jnp.asarray(draw.uniform(-300, 300, (2, LANES))))
 
 
 @jax.jit

@@ -19,6 +19,7 @@ from systems import (
     ROLLING,
     STRENGTHS,
     TIME,
+    TURNING,
     bare,
     leaf_values,
     limiter_rotor,
@@ -276,8 +277,9 @@ def rates_with_bodies(scene, states, bodies):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("effect", ROLLING, ids=lambda effect: effect.kind)
-def test_zero_strength_equals_absence_among_bodies(effect):
+@pytest.mark.parametrize("effect", TURNING + ROLLING, ids=lambda effect: effect.kind)
+def test_zero_strength_equals_absence_in_turning_axes(effect):
+    """Effects that have no motion by whole revolutions, beside balls."""
     beside = [one for one in EFFECTS if one.kind in ("disc", "unbalance", "limiter", "support")]
     others = [*beside, *(one for one in ROLLING[:1] if one.kind != effect.kind)]
     base, here = bare(*others, N=4.0), bare(*others, effect, N=4.0)

@@ -28,6 +28,7 @@ from jaxrotor import (
     Limiter,
     Material,
     RigidShaft,
+    RollingBearing,
     Scene,
     SpeedProfile,
     Support,
@@ -60,6 +61,7 @@ OTHERS = [
     "overhung-disc",
     "overhung-fan",
     "ring-rub",
+    "rolling-bearing",
     "turbine-run-up",
     "turbine-variants",
     "two-discs",
@@ -300,6 +302,8 @@ def every_effect() -> Scene:
                 numbers["ratios"] = [rng.random() / 3 for _ in range(3)]
             if "ball_radius" in numbers:  # must be below the race radius
                 numbers["ball_radius"] = numbers["race_radius"] / 7
+            if cls is RollingBearing:
+                numbers |= {"balls": 7, "exponent": 1 + numbers["exponent"]}
             for name in ANOTHER_WAY.get(cls, ()):
                 del numbers[name]
             members.append(cls(**numbers))

@@ -8,6 +8,7 @@ import pytest
 import xarray as xr
 from drawn import check_axes, lines
 from matplotlib.colors import LogNorm, to_hex
+from matplotlib.patches import Circle
 
 import jaxrotor as jr
 from jaxrotor import plot
@@ -87,6 +88,15 @@ def test_every_shipped_rotor_can_be_drawn(name):
     low, high = plot.rotor(scene).get_xlim()
     assert low <= 0.0 and high >= 1e3 * float(scene.shaft.length)
     plt.close("all")
+
+
+def test_balls_of_a_bearing_are_drawn_between_its_races():
+    ax = plot.rotor(jr.load("rolling-bearing"))
+    balls = [one for one in ax.patches if isinstance(one, Circle)]
+    assert [one.center for one in balls] == [
+        (x, pytest.approx(y)) for x in (0, 400) for y in (52, -52)
+    ]
+    assert [2 * one.radius for one in balls] == pytest.approx([23.8] * 4)
 
 
 def test_a_casing_is_drawn_between_shaft_and_ground():

@@ -1,0 +1,47 @@
+"""A mass in a rolling bearing of eight balls, for tests in time and of static positions, in um and ms."""
+
+import diffrax as dfx
+import jax.numpy as jnp
+import numpy as np
+
+import jaxrotor as jr
+
+
+BALLS, HERTZ, GAP, MASS, DAMPING, WEIGHT = 8, 13.34e9, 20e-6, 20.0, 200.0, 196.0
+INNER, OUTER = 40.1e-3, 63.9e-3  # JIS 6306 after Fukata (1985), as its races are printed
+SHARE = INNER / (INNER + OUTER)
+TIGHT = {
+    "solver": dfx.Dopri8(),
+    "controller": dfx.PIDController(rtol=1e-13, atol=1e-17),
+}
+
+
+def bearing(**values):
+    """The bearing, whose ball 0 is at the bottom at the angle 0 unless an `angle` is given."""
+    given = {"at": 0.5, "balls": BALLS, "stiffness": HERTZ, "gap": GAP, "angle": -np.pi / 2}
+    return jr.RollingBearing(**(given | {"inner_radius": INNER, "outer_radius": OUTER} | values))
+
+
+def machine(speed=900.0, eccentricity=0.0, damping=DAMPING, weight=WEIGHT, spin=None, **values):
+    """A mass that the bearing holds alone: the stiffness of the shaft is of no account."""
+    return jr.Scene(
+        jr.MasslessShaft(1.0, 0.5, 1e-6),
+        jr.Disc(0.5, MASS),
+        jr.DiscDamping(0.5, damping),
+        jr.Gravity(weight / MASS),
+        jr.Unbalance(0.5, MASS, eccentricity),
+        bearing(**values),
+        spin=jr.ConstantSpeed(speed) if spin is None else spin,
+    )
+
+
+def launch(x, y, vx=0.0, vy=0.0):
+    """Start from a place [um] and a velocity [um/ms]."""
+    q, velocity = jnp.array([1e-6 * (x + 1j * y)]), jnp.array([1e-3 * (vx + 1j * vy)])
+    return jr.Launch(jr.Continued(q, velocity))
+
+
+def end_of(run):
+    """x, y [um] and their velocities [um/ms] at the end."""
+    z, v = 1e6 * run.displacement[-1, 0], 1e3 * run.velocity[-1, 0]
+    return jnp.array([z.real, z.imag, v.real, v.imag])
