@@ -186,18 +186,18 @@ def _located_revolution(
     """A revolution by located steps, of one motion or of lanes last."""
     angles = jnp.multiply.outer(jnp.arange(steps + 1), step.tableau.h)
     phases = jnp.stack([jnp.cos(angles), jnp.sin(angles)], axis=1)
-    seen = lambda phase, y: None if stations is None else stations.of_lanes(phase, y)
 
     def one(carry, following):
         y, unresolved, (known, phase) = carry
         end, _, more = step.advanced(known, y)
-        return (end, unresolved + more, following), seen(phase, y)
+        seen = None if stations is None else stations.of_lanes(phase, y)
+        return (end, unresolved + more, following), seen
 
     first, after = in_turn((jax.vmap(step.known)(angles[:-1]), phases[:-1]))
     begin = y, jnp.zeros(y.shape[1:], int), first
     (y, unresolved, _), samples = jax.lax.scan(one, begin, after)
-    if samples is not None:
-        samples = jnp.concatenate([samples, seen(phases[-1], y)[None]])
+    if stations is not None and samples is not None:
+        samples = jnp.concatenate([samples, stations.of_lanes(phases[-1], y)[None]])
     return Revolution(y, samples, unresolved)
 
 

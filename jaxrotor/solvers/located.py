@@ -132,8 +132,8 @@ class LocatedStep(eqx.Module):
         lanes = y.shape[1:]
         first, after = in_turn(jax.vmap(self.known)(starts))
         begin = y, jnp.zeros(lanes, bool), jnp.zeros(lanes, int), first
-        (*end, _), _ = jax.lax.scan(one, begin, after)
-        return tuple(end)
+        (y, touched, unresolved, _), _ = jax.lax.scan(one, begin, after)
+        return y, touched, unresolved
 
     def known(self, start: Any) -> "KnownStep":
         """Data of a step by its start."""

@@ -140,7 +140,7 @@ class PortField(eqx.Module):
         through, parts = self.through_at(phase), (self.motion.ports, self.motion.of_laws(phase))
         if through is None:
             return forces_of_lanes(*parts, seen, law)
-        yielding = lambda every, seen: _through(*every[:2], seen, every[2])
+        yielding = lambda every, seen: _through(every[0], every[1], seen, every[2])
         every = parts, through, law
         return yielding(every, seen) if seen.ndim == 1 else per_lane(yielding, every, seen)
 
