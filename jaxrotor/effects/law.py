@@ -63,7 +63,7 @@ class AbstractLaw(eqx.Module):
 
     @property
     def elementwise(self) -> bool:
-        """Whether the force is computed element by element, for lanes along a last axis as for one motion.
+        """Whether all methods compute element by element, for lanes along a last axis as for one motion.
 
         It holds for the class that defines it alone: a law that inherits from it says it again.
         Its numbers then have a last axis, too, of as many lanes or of one. Only `x, y = displacement` and

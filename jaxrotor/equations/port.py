@@ -92,7 +92,8 @@ class Port(eqx.Module):
     def branches(self, displacement: Array, velocity: Array, now: Now) -> Branches:
         """Branch of every law in a motion."""
         call = lambda law, now: law.branch(displacement, velocity, now)
-        return tuple(_mapped(call)(*stack) for stack in self._stacks(now))
+        found = (_mapped(call)(*stack) for stack in self._stacks(now))
+        return tuple(_in_lanes(values, displacement) for values in found)
 
     def along(
         self, branches: Branches, displacement: Array, velocity: Array, now: Now
@@ -108,7 +109,8 @@ class Port(eqx.Module):
         """Margin of every condition of every law: how far it is from changing."""
         call = lambda law, now, branch: law.margins(branch, displacement, velocity, now)
         stacks = zip(self._stacks(now), branches, strict=True)
-        return tuple(_mapped(call)(*stack, branch) for stack, branch in stacks)
+        found = (_mapped(call)(*stack, branch) for stack, branch in stacks)
+        return tuple(_in_lanes(values, displacement) for values in found)
 
     def hardness(self) -> Float[Array, "2"]:
         """Stiffness [N/m] and damping [N s/m] of all laws together, each in its hardest direction."""
@@ -151,6 +153,14 @@ def _mapped(call: Callable) -> Callable:
         return jax.vmap(call, in_axes=(0, own, *[0] * len(given)))(stack, now, *given)
 
     return every
+
+
+def _in_lanes(values: Float[Array, "k c ..."], displacement: Array) -> Float[Array, "k c ..."]:
+    """Values of the conditions of laws, with the lanes of a displacement where a law leaves them out."""
+    lanes = displacement.shape[1:]
+    if values.ndim == 2:
+        values = values.reshape(*values.shape, *(1,) * len(lanes))
+    return jnp.broadcast_to(values, (*values.shape[:2], *lanes))
 
 
 def _as_states(law: AbstractLaw, name: str, values: Any) -> States:

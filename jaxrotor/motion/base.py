@@ -20,8 +20,6 @@ from ..equations.system import System
 from ..solvers.basis import Count
 from ..solvers.exponential import Exponential
 from ..solvers.lanes import lanes_last
-from ..solvers.located import LocatedStep
-from ..solvers.step import Step
 
 
 SHORT = 20  # windows, below which every one is a checkpoint
@@ -69,24 +67,24 @@ class Window(eqx.Module):
 class Bodies(eqx.Module):
     """Motion of all balls over one window."""
 
-    angle: Float[Array, "T b"]  # from the shaft, psi [rad]
-    rate: Float[Array, "T b"]  # psi. [rad/s]
-    imbalance: Complex[Array, " T"]  # of rotor and balls, in the axes of the shaft [kg m]
+    angle: Float[Array, "T b ..."]  # from the shaft, psi [rad]
+    rate: Float[Array, "T b ..."]  # psi. [rad/s]
+    imbalance: Complex[Array, "T ..."]  # of rotor and balls, in the axes of the shaft [kg m]
 
 
 class AbstractMarch(eqx.Module):
     """Motion of one scene, advanced by whole windows.
 
     A window is a revolution at constant speed, or a stretch of evenly spaced samples along times. Lanes
-    that are stepped go `together` under `jax.vmap`, as one array: see docs/concepts/lanes.md.
+    that are stepped go as one under `jax.vmap`, all at the same window: see docs/concepts/lanes.md.
     """
 
     plan: eqx.AbstractVar[Plan]
 
     @property
-    def together(self) -> bool:
-        """Whether lanes under `jax.vmap` have their windows by `rows`."""
-        return self.plan.batch and isinstance(getattr(self, "step", None), Step | LocatedStep)
+    @abc.abstractmethod
+    def lanes_as_one(self) -> bool:
+        """Whether lanes under `jax.vmap` go through their windows as one array, by `rows`."""
 
     @abc.abstractmethod
     def rows(
@@ -128,8 +126,9 @@ class AbstractMarch(eqx.Module):
 
         With a traced number of windows one program serves all lengths, in forward mode alone.
         """
-        if self.together:
-            return lanes_last(lambda march, y: march._through_rows(y, windows), self, y)
+        if self.lanes_as_one:
+            of_all = lambda parts, y: parts[0]._through_rows(y, parts[1])
+            return lanes_last(of_all, (self, windows), y)
 
         def one(carry, _):
             y, good = carry
@@ -146,10 +145,10 @@ class AbstractMarch(eqx.Module):
     def collect(self, y: Array, carry: Any, update: Callable, windows: int) -> Any:
         """Whole windows, with `carry, out = update(carry, window, number)` after each, from number 0.
 
-        Returns `(state at the end, carry, outcome)` and the stacked `out` of all windows. Where lanes go
-        `together`, `update` has windows and carries of all lanes, along their last axis.
+        Returns `(state at the end, carry, outcome)` and the stacked `out` of all windows. Where lanes
+        go as one, `update` has windows and carries of all lanes, along their last axis.
         """
-        if self.together:
+        if self.lanes_as_one:
             of_all = lambda parts, y: parts[0]._collect_rows(y, parts[1], update, windows)
             return lanes_last(of_all, (self, carry), y)
 
@@ -165,6 +164,12 @@ class AbstractMarch(eqx.Module):
 
     def _through_rows(self, y: Float[Array, "y lanes"], windows: Count) -> tuple[Array, Outcome]:
         """`step_through`, lanes last."""
+        if not isinstance(windows, int):
+            if windows.shape[-1] > 1:
+                raise ValueError(
+                    "Lanes that go as one have one number of windows, but each has its own."
+                )
+            windows = windows[..., 0]
 
         def one(_, carry):
             y, good = carry

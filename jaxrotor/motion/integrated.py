@@ -16,6 +16,7 @@ from ..equations.rotating_frame import Transient
 from ..equations.start import AbstractStart, Continued, Launch
 from ..scene import Scene
 from ..solvers.basis import Count
+from ..solvers.lanes import per_lane
 from .base import AbstractMarch, Bodies, Plan, Window, bounded
 from .history import imbalance_of
 from .revolutions import revolution_rate
@@ -124,8 +125,15 @@ class IntegratedMarch(AbstractMarch):
         )
         return end, window, ok
 
+    @property
+    def lanes_as_one(self) -> bool:
+        return False
+
     def rows(self, y, *, observed):
-        raise NotImplementedError("Lanes that are integrated do not go together.")
+        if observed:
+            return per_lane(lambda march, y: march.observe(y), self, y)
+        end, outcome = per_lane(lambda march, y: march.advance(y), self, y)
+        return end, None, outcome
 
     def _integrated(
         self, y: Array, intervals: int

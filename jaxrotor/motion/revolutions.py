@@ -149,6 +149,10 @@ class March(AbstractMarch):
         y, samples, ok = self.sample(y)
         return y, self.named(samples), ok
 
+    @property
+    def lanes_as_one(self) -> bool:
+        return self.plan.batch and self.step is not None
+
     def rows(self, y, *, observed):
         plan, form, step = self.plan, self.form, self.step
         assert isinstance(form, PortForm) and step is not None
@@ -160,14 +164,14 @@ class March(AbstractMarch):
             outcome = per_lane(lambda march, ends: march._outcome(*ends), self, ends)
             return done.end, None, outcome
         samples = done.samples.reshape(plan.steps + 1, 2, 2, -1, y.shape[-1])
-        together = plan.contacts and self.system.members and take_lanes(self.system.ports)
+        reads = bool(plan.contacts and self.system.members and take_lanes(self.system.ports))
 
         def named(march: March, moved: Any) -> tuple[Window, Outcome]:
             samples, ends = moved
-            return march.named(samples, forceless=bool(together)), march._outcome(*ends)
+            return march.named(samples, forceless=reads), march._outcome(*ends)
 
         window, outcome = per_lane(named, self, (samples, ends))
-        if together:
+        if reads:
             window = dataclasses.replace(window, contact_force=self.forces(samples))
         return done.end, window, outcome
 

@@ -1,7 +1,6 @@
 """Windows: a motion along evenly spaced samples, advanced from window to window of them."""
 
 import dataclasses
-import functools
 import math
 from collections.abc import Sequence
 from typing import Any, cast
@@ -138,6 +137,10 @@ class WindowMarch(AbstractMarch):
         observed = lambda march, y: march.rows(y, observed=True)
         return lanes_last(observed, self, y, batch=self.plan.batch)
 
+    @property
+    def lanes_as_one(self) -> bool:
+        return self.plan.batch
+
     def rows(self, y, *, observed):
         times = self.times(y[-1, :1])  # all lanes are at the same window
         end, outcome, samples = self._stepped(y[:-1], times[:-1], observed=observed)
@@ -147,13 +150,11 @@ class WindowMarch(AbstractMarch):
         ports, *seen = samples
         window, now = per_lane(lambda march, seen: march._window(*seen), self, (times, *seen))
         if now is not None:
-            of_one = lambda march, given: march._forces(*given)
-            of = (
-                of_one
-                if take_lanes(self.rotor.system.ports)
-                else functools.partial(per_lane, of_one)
-            )
-            window = dataclasses.replace(window, contact_force=of(self, (ports, now)))
+            if take_lanes(self.rotor.system.ports):
+                forces = self._forces(ports, now)
+            else:
+                forces = per_lane(lambda march, of: march._forces(*of), self, (ports, now))
+            window = dataclasses.replace(window, contact_force=forces)
         return y, window, outcome
 
     def times(self, number: Float[Array, "..."]) -> Float[Array, "T ..."]:

@@ -189,11 +189,11 @@ def _located_revolution(
 
     def one(carry, following):
         y, unresolved, (known, phase) = carry
-        end, _, more = step.advanced(known, y)
+        end, _, more = step.advance_by(known, y)
         seen = None if stations is None else stations.of_lanes(phase, y)
         return (end, unresolved + more, following), seen
 
-    first, after = in_turn((jax.vmap(step.known)(angles[:-1]), phases[:-1]))
+    first, after = in_turn((jax.vmap(step.data_of)(angles[:-1]), phases[:-1]))
     begin = y, jnp.zeros(y.shape[1:], int), first
     (y, unresolved, _), samples = jax.lax.scan(one, begin, after)
     if stations is not None and samples is not None:

@@ -86,18 +86,8 @@ class KnownRotation(NamedTuple):
     change: Float[Array, "3 ..."]  # Omega - Omega_c
 
 
-class AlongTimes(AbstractForcing):
-    """Contact, the speed terms and loads, at a speed known in time.
-
-    A start is a `StepData` with a `KnownRotation`. Within a step the angle, the speed and the loads are
-    parabolas through their values at its beginning, middle and end.
-    """
-
-    ports: tuple[Port, ...]
-
-    @property
-    def others(self) -> int:
-        return 0
+class AbstractWholeMotion(AbstractForcing):
+    """Forcing of a `w` that is the whole motion, of a rotor whose ports have mass."""
 
     @property
     def through(self) -> None:
@@ -110,6 +100,20 @@ class AlongTimes(AbstractForcing):
     def motion(self, node, seen, law):
         del node, law
         return _motion(seen)
+
+
+class AlongTimes(AbstractWholeMotion):
+    """Contact, the speed terms and loads, at a speed known in time.
+
+    A start is a `StepData` with a `KnownRotation`. Within a step the angle, the speed and the loads are
+    parabolas through their values at its beginning, middle and end.
+    """
+
+    ports: tuple[Port, ...]
+
+    @property
+    def others(self) -> int:
+        return 0
 
     def data(self, start, times, span, part=None) -> StepData:
         del times
@@ -196,7 +200,7 @@ class Sizes(NamedTuple):
         return AuxiliaryState(*jnp.split(x, np.cumsum([d, d, b, b])))
 
 
-class Coupled(AbstractForcing):
+class Coupled(AbstractWholeMotion):
     """Forces that depend on balls, on states of laws, or on a rotation that the rotor holds back.
 
     A start is a time [s].
@@ -219,18 +223,6 @@ class Coupled(AbstractForcing):
     @property
     def others(self) -> int:
         return self.sizes.total
-
-    @property
-    def through(self) -> None:
-        return None
-
-    def seen(self, node, own):
-        del node
-        return own
-
-    def motion(self, node, seen, law):
-        del node, law
-        return _motion(seen)
 
     def data(self, start, times, span, part=None) -> StepData:
         length, begin = span / self.rate, start

@@ -49,7 +49,8 @@ def product(matrix: Float[Array, "a b ..."], x: Float[Array, "b ..."]) -> Float[
 def per_lane(call: Callable, tree: Any, x: Any) -> Any:
     """`call(tree, x)`, written for one trajectory, in every lane.
 
-    Where all lanes share all arrays it is called once, and what it returns has one lane.
+    Arrays of both have a last axis of lanes, or of one lane that all share; where all are shared it is
+    called once, and the arrays that it returns have one lane.
     """
     arrays, constant = eqx.partition((tree, x), eqx.is_array)
     leaves, treedef = jax.tree.flatten(arrays)

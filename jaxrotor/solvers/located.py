@@ -126,16 +126,16 @@ class LocatedStep(eqx.Module):
 
         def one(carry, following):
             y, touched, unresolved, now = carry
-            y, loaded, more = self.advanced(now, y)
+            y, loaded, more = self.advance_by(now, y)
             return (y, touched | loaded, unresolved + more, following), None
 
         lanes = y.shape[1:]
-        first, after = in_turn(jax.vmap(self.known)(starts))
+        first, after = in_turn(jax.vmap(self.data_of)(starts))
         begin = y, jnp.zeros(lanes, bool), jnp.zeros(lanes, int), first
         (y, touched, unresolved, _), _ = jax.lax.scan(one, begin, after)
         return y, touched, unresolved
 
-    def known(self, start: Any) -> "KnownStep":
+    def data_of(self, start: Any) -> "KnownStep":
         """Data of a step by its start."""
         tableau, forcing, h = self.tableau, self.forcing, self.tableau.h
         ends = (forcing.at(start, Part(part, h)) for part in (0.0 * h, h))
@@ -145,9 +145,9 @@ class LocatedStep(eqx.Module):
         self, start: Any, y: Float[Array, "y ..."]
     ) -> tuple[Float[Array, "y ..."], Bool[Array, "..."], Int[Array, "..."]]:
         """State after a whole step, whether a contact was loaded in it, and 1 if it is not resolved."""
-        return self.advanced(self.known(start), y)
+        return self.advance_by(self.data_of(start), y)
 
-    def advanced(
+    def advance_by(
         self, now: "KnownStep", y: Float[Array, "y ..."]
     ) -> tuple[Float[Array, "y ..."], Bool[Array, "..."], Int[Array, "..."]]:
         """`advance`, by what is known of the step.

@@ -202,9 +202,9 @@ class YieldingReading(eqx.Module):
 
     def of_lanes(self, phase: Float[Array, "2 ..."], y: Float[Array, "m2 ..."]) -> Array:
         """Readings of one or all lanes, by cosine and sine of the angle of revolution."""
-        read = lambda parts, y: parts[0]._at(parts[1], y)
         if y.ndim == 1:
             return self._at(phase, y)
+        read = lambda parts, y: parts[0]._at(parts[1], y)
         return per_lane(read, (self, phase.reshape(2, -1)), y)
 
     def _at(self, phase: Float[Array, "2"], y: Array) -> Float[Array, " s4"]:

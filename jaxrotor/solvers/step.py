@@ -44,7 +44,7 @@ class At(NamedTuple):
 
     node: Any
     rate: Any
-    load: Float[Array, " l"] | None = None  # as the equations take it
+    load: Float[Array, "l ..."] | None = None  # as the equations take it
 
 
 class Part(NamedTuple):
@@ -93,8 +93,8 @@ class AbstractForcing(eqx.Module):
         """Inputs of the rotor, those of the ports first, and the rates of `x`, by a law of contact."""
 
     @abc.abstractmethod
-    def motion(self, node: Any, seen: Float[Array, " p4"], law: Law) -> tuple[Array, Array]:
-        """Displacement and velocity of the ports along fixed axes, (2, p) each, by their readings."""
+    def motion(self, node: Any, seen: Float[Array, "p4 ..."], law: Law) -> tuple[Array, Array]:
+        """Displacement and velocity of the ports along fixed axes, (2, p, ..) each, by their readings."""
 
     @abc.abstractmethod
     def of_laws(self, node: Any, x: Float[Array, "x ..."]) -> Now:
