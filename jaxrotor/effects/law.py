@@ -75,7 +75,7 @@ class AbstractLaw(eqx.Module):
 
     @property
     def period(self) -> Number | None:
-        """Angle of the shaft [rad] after which the force repeats; None: none is known, or no angle is given.
+        """Angle of the shaft [rad] after which the force repeats; None: none is known, or none is needed.
 
         A law by "turns" may state its own.
         """

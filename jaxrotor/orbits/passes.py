@@ -92,8 +92,8 @@ def with_cycle(system: System, passes: bool) -> System:
 def cycle_rate(system: System, passes: bool) -> Scalar:
     """2 pi over the time of a revolution, or of the longest pass [rad/s].
 
-    With it laws are given the angle `2 pi t / T` times the angle of the shaft in a period over 2 pi,
-    which is exact for a pass of any length, also of one beyond a revolution.
+    A motion is stepped by an angle from 0 to 2 pi in that time, `1 / s` times the one that laws are
+    given, see `Motion.of_laws`, so a pass may also take more than a revolution.
     """
     speed = jnp.abs(system.spin.speed)
     if not passes:
@@ -105,7 +105,7 @@ def cycle_rate(system: System, passes: bool) -> Scalar:
 
 
 def check_ranges(scene: Scene, ends: Sequence[Scene], passes: bool, path: str) -> None:
-    """Raise unless orbits of passes, or else of revolutions, have their period at the ends of ranges, too."""
+    """Raise unless orbits of passes, or else of revolutions, have their period at the ends of ranges."""
     own, *there = (cycle_of(one, assemble(one), f"A branch in {path}") for one in (scene, *ends))
     if passes:
         same = all(one.passes for one in there)

@@ -29,8 +29,8 @@ from ..shafts.cased import same_shape
 from ..solvers.choice import choose, solver_name
 from ..solvers.exponential import Exponential
 from .orbit import PeriodicOrbit, winding_angle
-from .passes import check_ranges, cycle_rate, with_cycle
 from .parameter_range import ParameterRange, own, range_of
+from .passes import check_ranges, cycle_rate, with_cycle
 from .shooting import OrbitSamples, Shooting, differentiable, plan_of, without_unbalance
 from .symmetry import SAME, symmetry_defects, symmetry_order
 
