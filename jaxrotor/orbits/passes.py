@@ -25,12 +25,13 @@ from ..scene import Scene
 
 STANDS = 1e6  # revolutions: a law that takes more of them for a period stands, but for rounding
 SAME = 1e-9  # relative difference of numbers of periods that count as whole
-MOST = 64  # revolutions that are looked through for a common period
+MOST = 64  # periods that are looked through for a common one
 SHAFT = "what turns with the shaft"
+_ADVICE = "follow its motion by `jaxrotor.simulate`"
 
 
 class Cycle(NamedTuple):
-    """What counts as one period of a scene: a revolution of the shaft, or a pass of a law by "turns"."""
+    """The shortest period of all forces: a revolution of the shaft, or a pass of a law by "turns"."""
 
     passes: bool
     revolutions: float | None  # in it; None where values are traced
@@ -40,40 +41,42 @@ class Cycle(NamedTuple):
 def cycle_of(scene: Scene, system: System, what: str) -> Cycle:
     """The shortest period of all forces; raises where there is none that `what` takes."""
     laws = {scene.name_of(one): _law(one) for one in scene.of(AbstractContact)}
-    turning = {name: law.period for name, law in laws.items() if law.clock == "turns"}
-    if not turning:
+    counting = {name: law.period for name, law in laws.items() if law.clock == "turns"}
+    turning = {name: period for name, period in counting.items() if period is not None}
+    if not counting:
         return Cycle(False, 1.0)
-    if unknown := [name for name, period in turning.items() if period is None]:
+    if unknown := [name for name in counting if name not in turning]:
         raise ValueError(
             f"{what} is for forces that repeat, but contacts ({phrase(unknown)}) count turns and their "
-            "laws state no `period`; follow the motion by `jaxrotor.simulate`."
+            f"laws state no `period`; {_ADVICE}."
         )
     with_shaft = _turns_with_the_shaft(system)
     if not all(map(known, turning.values())):
         if len(turning) == 1 and not with_shaft:
             return Cycle(True, None)
         raise ValueError(
-            f"Whether the forces of {phrase(turning)} and of {SHAFT} have a common period is known by "
-            "values alone, which are traced here; differentiate and compile by other parameters than "
-            "those of their rotation, and without unbalance leave it out of the scene."
+            f"Whether {phrase([*turning, *[SHAFT] * with_shaft])} have a common period is told by values, "
+            "which are traced here; trace other parameters than those of their rotation, and leave an "
+            "unbalance of zero out of the scene."
         )
     every = {name: float(period) / (2 * np.pi) for name, period in turning.items()}
-    moving = {name: count for name, count in every.items() if count < STANDS}
-    if with_shaft:
+    speed = system.spin.speed
+    turns = not (known(speed) and float(speed) == 0)
+    moving = {name: count for name, count in every.items() if count < STANDS and turns}
+    if with_shaft and turns:
         moving[SHAFT] = 1.0
     if not moving:
         raise ValueError(
-            f"The cages of {phrase(every)} stand, so nothing repeats and no period is known; see "
-            "`jaxrotor.static_positions` for the rest in their bearings."
+            f"What turns in {phrase(every)} stands, so there is no period; the rotor comes to rest, see "
+            "`jaxrotor.static_positions`."
         )
     longest = max(moving.values())
     if not all(_whole(longest / count) for count in moving.values()):
         raise ValueError(_apart(moving, what))
     if with_shaft and longest > 1 + SAME:
         raise ValueError(
-            f"{what} takes a period of one revolution, or of a pass without anything that turns with the "
-            f"shaft, but all forces repeat after {longest:.9g} revolutions at the earliest; follow the "
-            "motion by `jaxrotor.simulate`."
+            f"Beside {SHAFT}, {what} takes a period of one revolution, but all forces repeat after "
+            f"{round(longest)} revolutions at the earliest; {_ADVICE}."
         )
     return Cycle(not with_shaft, longest, tuple(every.values()))
 
@@ -98,8 +101,8 @@ def cycle_rate(system: System, passes: bool) -> Scalar:
     speed = jnp.abs(system.spin.speed)
     if not passes:
         return speed
-    laws = [law for port in system.ports for law in port.laws if law.clock == "turns"]
-    periods = jnp.concatenate([jnp.ravel(jnp.asarray(law.period)) for law in laws])
+    stacks = [stack for port in system.ports for stack in port.laws if stack.clock == "turns"]
+    periods = jnp.concatenate([jax.vmap(lambda law: law.period)(stack) for stack in stacks])
     moving = jnp.where(periods < 2 * jnp.pi * STANDS, periods, 0.0)
     return 2 * jnp.pi * speed / jnp.max(moving)
 
@@ -139,16 +142,16 @@ def _whole(number: float) -> bool:
 
 
 def _apart(moving: dict[str, float], what: str) -> str:
-    """Why some forces have no common period, or one of several of the longest."""
+    """Why the longest period is not a common one."""
     first = max(moving, key=lambda name: moving[name])
     other = next(name for name in moving if not _whole(moving[first] / moving[name]))
     ratio = moving[other] / moving[first]
     near = Fraction(ratio).limit_denominator(MOST)
-    times = "no common period"
-    if abs(ratio - near) <= SAME * ratio:
-        times = f"none before {near.numerator * moving[first]:.9g} revolutions"
+    never = abs(ratio - near) > SAME * ratio
+    both = near.numerator * moving[first]
+    ends = "so both never do" if never else f"so both do after {both:.9g} at the earliest"
+    without = "leave unbalance out, or " if SHAFT in moving else ""
     return (
-        f"{what} needs one period of all forces, but those of {other} repeat after "
-        f"{moving[other]:.9g} and those of {first} after {moving[first]:.9g} revolutions, which have "
-        f"{times}; leave unbalance out, or follow the motion by `jaxrotor.simulate`."
+        f"{what} needs one period of all forces, but {other} repeats after {moving[other]:.9g} "
+        f"revolutions and {first} after {moving[first]:.9g}, {ends}; {without}{_ADVICE}."
     )

@@ -291,7 +291,7 @@ def problem_of(
     corners = itertools.product(*[(*between, own(scene, path)) for path, between in ranges.items()])
     ends = [scene.replace(dict(zip(ranges, corner, strict=True))) for corner in corners]
     if "turns" in system.clocks:
-        check_ranges(scene, ends, orbit.passes, phrase(ranges))
+        check_ranges(scene, ends, orbit.passes, phrase(f"`{path}`" for path in ranges))
     basis = {_basis(end, chosen, orbit.passes) for end in ends}
     modal = "modal" if basis == {"modal"} else "dense"
     chosen = Exponential(chosen.order, modal, chosen.located)
