@@ -37,9 +37,8 @@ class OrbitGuess(eqx.Module):
     turn: Scalar  # [rad]
     revolutions: int | None = eqx.field(static=True)  # None: the period is unknown
     steps: int = eqx.field(static=True)
-    passes: bool = eqx.field(
-        static=True, default=False
-    )  # whether `revolutions` are those, see `Cycle`
+    # Whether `revolutions` are passes, see `Cycle`:
+    passes: bool = eqx.field(static=True, default=False)
 
 
 def start_of(guess: Any, name: str = "guess") -> AbstractStart:

@@ -64,9 +64,7 @@ class PeriodicOrbit(AbstractOrbit):
     scene: Scene
     error: OrbitError | None
     revolutions: int | None = eqx.field(static=True)  # in a period; None if it was unknown
-    steps: int = eqx.field(
-        static=True
-    )  # in a revolution or a pass, or in a period that was unknown
+    steps: int = eqx.field(static=True)  # in a revolution, a pass, or a period that was unknown
     solver: str = eqx.field(static=True)
     # Whether `revolutions` are passes of the balls of a bearing, or periods of another law that turns:
     passes: bool = eqx.field(static=True, default=False)

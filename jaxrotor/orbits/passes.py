@@ -54,10 +54,10 @@ def cycle_of(scene: Scene, system: System, what: str) -> Cycle:
     if not all(map(known, turning.values())):
         if len(turning) == 1 and not with_shaft:
             return Cycle(True, None)
+        zero = ", and leave an unbalance of zero out of the scene" if with_shaft else ""
         raise ValueError(
             f"Whether {phrase([*turning, *[SHAFT] * with_shaft])} have a common period is told by values, "
-            "which are traced here; trace other parameters than those of their rotation, and leave an "
-            "unbalance of zero out of the scene."
+            f"which are traced here; trace other parameters than those of their rotation{zero}."
         )
     every = {name: float(period) / (2 * np.pi) for name, period in turning.items()}
     speed = system.spin.speed

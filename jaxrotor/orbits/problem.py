@@ -73,9 +73,8 @@ class ContinuationProblem(eqx.Module):
     revolutions: int | None = eqx.field(static=True)  # None: the period is unknown
     order: int = eqx.field(static=True)  # of the rotations that leave the scene as it is
     images: int = eqx.field(static=True)  # periods after which the motion closes
-    passes: bool = eqx.field(
-        static=True, default=False
-    )  # whether `revolutions` are those, see `Cycle`
+    # Whether `revolutions` are passes, see `Cycle`:
+    passes: bool = eqx.field(static=True, default=False)
 
     def values(self, u: Array | np.ndarray) -> tuple[Array, ...]:
         """Values of the parameters at unknowns `u = (x, s)`."""
