@@ -134,7 +134,7 @@ class AbstractSteadyRecord(AbstractRecord):
         if found.passes:
             raise ValueError(
                 "A record of an orbit is over revolutions, but without unbalance this scene repeats with "
-                "the passes of the balls in its bearings; take a record along times."
+                "the passes of the balls in its bearings; fit a `TimeRecord`."
             )
         return found
 

@@ -261,3 +261,9 @@ def test_ranges_keep_the_period():
     passing = orbit(machine(**TIGHT_FIT), 64, launch(0.0, -9.8))
     with pytest.raises(ValueError, match="`unbalance.eccentricity` changes which period"):
         jr.continue_(passing, "unbalance.eccentricity", (0.0, 1e-6))
+
+
+def test_a_record_over_revolutions_is_of_no_pass():
+    record = jr.OrbitRecord(np.ones(8) + 0j, guess=BOTTOM)
+    with pytest.raises(ValueError, match="this scene repeats with the passes of the balls"):
+        record.prepared(machine())
