@@ -252,6 +252,7 @@ def test_a_law_that_states_no_period_is_refused():
         jr.periodic(scene, BOTTOM)
 
 
+@pytest.mark.slow
 def test_ranges_keep_the_period():
     found = orbit(machine(eccentricity=1e-6, **TIGHT_FIT), 64, launch(0.0, -9.8))
     with pytest.raises(
@@ -264,6 +265,6 @@ def test_ranges_keep_the_period():
 
 
 def test_a_record_over_revolutions_is_of_no_pass():
-    record = jr.OrbitRecord(np.ones(8) + 0j, guess=BOTTOM)
+    record = jr.OrbitRecord(np.ones(8) + 0j, guess=BOTTOM, solver=PLAIN)
     with pytest.raises(ValueError, match="this scene repeats with the passes of the balls"):
         record.prepared(machine())
