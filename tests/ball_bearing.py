@@ -45,3 +45,24 @@ def end_of(run):
     """x, y [um] and their velocities [um/ms] at the end."""
     z, v = 1e6 * run.displacement[-1, 0], 1e3 * run.velocity[-1, 0]
     return jnp.array([z.real, z.imag, v.real, v.imag])
+
+
+# === orbits, by DOP853 and by collocation of order 12
+
+PASSAGES = {  # speed: start of the orbit, multipliers
+    700.0: (
+        (0.001656286, -25.951911349, 0.515109919, -0.002461314),
+        (0.300027034 + 0.938777875j, -0.213764626 + 0.962093969j),
+    ),
+    900.0: (
+        (0.000709655, -26.006720188, 0.391496279, -0.000488947),
+        (0.176418520 + 0.972881291j, -0.712978584 + 0.685042363j),
+    ),
+    1050.0: (
+        (0.000434401, -26.017484319, 0.332186592, -0.000254097),
+        (0.366899031 + 0.919876407j, -0.976038623 + 0.167738215j),
+    ),
+}
+GEAR = {"inner_radius": 3.0, "outer_radius": 5.0}  # three balls pass in a turn
+ONCE = (-0.2924594435, -9.8298316289, 1.4670646792, -0.2323204283)
+ONCE_MULTIPLIERS = 0.127091544 + 0.437866778j, -0.275409695 + 0.363358055j

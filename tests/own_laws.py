@@ -97,9 +97,10 @@ class TurningForce(AbstractContact):
     ratio: Scalar = real("ratio [1]")
     angle: Scalar = real("angle [rad]", default=0.0)
     on: str | None = eqx.field(default=None, static=True)
+    repeats: bool = eqx.field(default=False, static=True)  # whether its law states its period
 
     def law(self):
-        return TurningLaw(self.force, self.ratio, self.angle)
+        return TurningLaw(self.force, self.ratio, self.angle, self.repeats)
 
 
 class TurningLaw(AbstractFreeLaw):
@@ -110,10 +111,15 @@ class TurningLaw(AbstractFreeLaw):
     force: Scalar
     ratio: Scalar
     phase: Scalar
+    repeats: bool = eqx.field(static=True)
 
     @property
     def elementwise(self):
         return True
+
+    @property
+    def period(self):
+        return 2 * jnp.pi / jnp.abs(self.ratio) if self.repeats else None
 
     def __call__(self, displacement, velocity, now):
         angle = self.ratio * now.angle + self.phase

@@ -119,14 +119,24 @@ class AbstractSteadyRecord(AbstractRecord):
         if guess is None:
             with pilot_run():
                 guess = simulate(scene, SETTLING, STEPS, keep=1, at=self.at, progress=False)
-        return periodic(scene, guess, **self._options).start
+        return self._found(scene, guess).start
 
     def _orbit(self, scene: Scene) -> tuple[PeriodicOrbit, int]:
         """The orbit of a scene with contact, converged or not, and its steps from sample to sample."""
         each = self.samples // self.revolutions
         step = -(-STEPS // each)
         steps = {"steps_per_revolution": each * step, "throw": False}
-        return periodic(scene, self.guess, **self._options, **steps), step
+        return self._found(scene, self.guess, **steps), step
+
+    def _found(self, scene: Scene, guess: Any, **options: Any) -> PeriodicOrbit:
+        """The orbit near a guess; raises where it repeats with passes of balls, not with revolutions."""
+        found = periodic(scene, guess, **self._options, **options)
+        if found.passes:
+            raise ValueError(
+                "A record of an orbit is over revolutions, but without unbalance this scene repeats with "
+                "the passes of the balls in its bearings; fit a `TimeRecord`."
+            )
+        return found
 
 
 class OrbitRecord(AbstractSteadyRecord):

@@ -42,7 +42,8 @@ class AbstractLaw(eqx.Module):
     error estimate controls them to 1e-10 of their units. It may depend on the angle of rotation. By the
     `clock` "revolution" that angle is within a revolution, from 0 to 2 pi, so that motions by whole
     revolutions have it exactly: forces and margins are then to be periodic functions of it. By "turns"
-    it counts all turns, as `TimeHistory.angle` does, for what turns at another ratio.
+    it counts all turns, as `TimeHistory.angle` does, for what turns at another ratio. Where such a law
+    states the `period` after which it repeats, periodic orbits give it the angle within that.
     """
 
     steep: ClassVar[bool] = False  # whether it has no bound, so that steps need an error estimate
@@ -71,6 +72,14 @@ class AbstractLaw(eqx.Module):
         laws are mapped over the lanes, which takes about twice the time.
         """
         return False
+
+    @property
+    def period(self) -> Number | None:
+        """Angle of the shaft [rad] after which the force repeats; None: none is known, or none is needed.
+
+        A law by "turns" may state its own.
+        """
+        return 2 * jnp.pi * jnp.ones(()) if self.clock == "revolution" else None
 
     @property
     def takes_lanes(self) -> bool:

@@ -101,6 +101,11 @@ class RollingLaw(AbstractSmoothLaw):
         return True
 
     @property
+    def period(self) -> Scalar:
+        """A pass, `2 pi / (balls |rate|)`; infinite where the cage stands."""
+        return 2 * jnp.pi / (self.balls * jnp.abs(self.rate))
+
+    @property
     def power(self) -> Scalar:
         """Exponent of the law, 3/2 where it is absent."""
         return jnp.full_like(self.stiffness, 1.5) if self.exponent is None else self.exponent

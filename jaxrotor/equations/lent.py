@@ -4,20 +4,22 @@
 
 Exponential steps propagate the deviation from the rest position of the linear rotor, and a rotor that
 only films hold has none. So films lend it their damping about the centre, and that times the speed as a
-stiffness; what is left of their forces stays at the ports. The motion is the same.
+stiffness; what is left of their forces stays at the ports. The motion is the same. So do bearings whose
+balls pass, by a stiffness that holds the inertia at their station at the rate of their passes.
 """
 
 import dataclasses
 
 import jax.numpy as jnp
 
+from ..core import linalg
 from ..core.blocks import Blocks
 from .port import Port
 from .system import System
 
 
 def with_lent_films(system: System) -> System:
-    """The system whose steep laws lend stiffness and damping.
+    """The system whose steep laws lend stiffness and damping, and laws by "turns" that repeat stiffness.
 
     One without such laws, or whose ports lend already, is returned as it is. At standstill there is no
     speed, so films lend damping alone.
@@ -33,10 +35,16 @@ def with_lent_films(system: System) -> System:
 
 
 def _lending(port: Port, system: System) -> Port:
-    """The port with what its steep laws lend."""
+    """The port with what its laws lend."""
     films = tuple(law for law in port.laws if law.steep)
-    if port.lent is not None or not films:
+    turning = system.repeats and any(law.clock == "turns" for law in port.laws)
+    if port.lent is not None or not (films or turning):
         return port
+    if not films:
+        # Any value serves. That of a bearing would depend on its load, and there may be no gap.
+        yielding = port.row @ linalg.solve(system.blocks.inertia, port.column)
+        speed = system.spin.speed
+        return dataclasses.replace(port, lent=jnp.stack([speed**2 / yielding, jnp.zeros(())]))
     damping = dataclasses.replace(port, laws=films).hardness()[1]
     return dataclasses.replace(
         port, lent=jnp.stack([damping * jnp.abs(system.spin.speed), damping])

@@ -35,7 +35,8 @@ class Motion(eqx.Module):
     All fields are real; a complex vector is its [x, y] parts.
 
     `theta = rate t` runs from 0 to 2 pi in a revolution whatever the speed, so all members of a
-    sweep share one horizon; `s = Omega / rate` is +1 or -1 (0 at rest). Terms to which no effect
+    sweep share one horizon; `s = Omega / rate` is +1 or -1 (0 at rest), or another number where the
+    motion repeats in another time, as that of balls that pass. Terms to which no effect
     contributes are None and absent from the compiled program. Called as a diffrax vector field.
 
     `loads=False` leaves out `f0` and `f1`, for a state that is the deviation from the steady response.
@@ -149,6 +150,9 @@ class Motion(eqx.Module):
 
     def of_laws(self, phase: Callable[[], Float[Array, "2 ..."]]) -> Now:
         """Speed and, where a law asks for it, angle, by cosine and sine of the angle of revolution."""
+        # The angle is within half a revolution on either side: laws by "turns" are here only where their
+        # forces repeat in a revolution of the motion, which may be shorter or longer than one of the
+        # shaft, by the factor `s`.
         if not any(law.clock for port in self.ports for law in port.laws):
             return Now(self.speed)
         return Now(self.speed, self.s * angle(jax.lax.complex(*phase())))
@@ -198,8 +202,12 @@ def has_memory(law: AbstractLaw) -> bool:
 
 
 def check_no_states(system: System, what: str, instead: str) -> None:
-    """Raise if laws have states or count turns; the message names `what`, and says to do `instead`."""
-    if contacts := system.laws_with(has_memory):
+    """Raise if laws have states or count turns; the message names `what`, and says to do `instead`.
+
+    Those that count turns may be there where they repeat, see `System.repeats`.
+    """
+    refused = (lambda law: law.states) if system.repeats else has_memory
+    if contacts := system.laws_with(refused):
         raise ValueError(
             f"{what} is for forces that the motion there determines, but contacts ({contacts}) have "
             f"states of their own or count turns; {instead}."

@@ -68,6 +68,8 @@ class System(eqx.Module):
     tabled: Scene | None = None  # the scene, where coefficients depend on the speed
     free: bool = eqx.field(static=True, default=False)  # in a rigid motion, see `unheld`
     over_speed: OverSpeed | None = None  # see there
+    # Whether laws by "turns" repeat in a revolution of the motion, see `AbstractLaw.period`:
+    repeats: bool = eqx.field(static=True, default=False)
 
     @property
     def steep(self) -> bool:

@@ -288,14 +288,15 @@ def joined(revolutions: Array) -> Array:
     return jnp.concatenate([flat, revolutions[-1:, -1]])
 
 
-def check_constant(scene: Scene, what: str) -> None:
+def check_constant(scene: Scene, what: str, *, turning: bool = False) -> None:
     """Raise unless a scene is held and has a constant speed and mass at all coordinates, as `what` needs.
 
-    The speed must be one for which tables of coefficients have values, and no law has states or counts
-    turns.
+    The speed must be one for which tables of coefficients have values, and no law has states or, unless
+    they may be `turning`, counts turns.
     """
     check_constant_speed(scene, what)
-    check_no_states(structure(scene), what, "follow its motion by `jaxrotor.simulate`")
+    system = dataclasses.replace(structure(scene), repeats=turning)
+    check_no_states(system, what, "follow its motion by `jaxrotor.simulate`")
     check_tables(scene)
     check_mass(scene, what)
     check_held(scene, what, contact=True)

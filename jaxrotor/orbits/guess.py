@@ -19,6 +19,7 @@ from ..motion.simulate import simulate
 from ..scene import Scene
 from ..solvers.exponential import Exponential
 from .orbit import PeriodicOrbit
+from .passes import Cycle, cycle_rate
 from .recurrence import recurrence
 from .symmetry import SAME, nan_unless_symmetric, symmetry_defects, symmetry_order
 
@@ -36,6 +37,8 @@ class OrbitGuess(eqx.Module):
     turn: Scalar  # [rad]
     revolutions: int | None = eqx.field(static=True)  # None: the period is unknown
     steps: int = eqx.field(static=True)
+    # Whether `revolutions` are passes, see `Cycle`:
+    passes: bool = eqx.field(static=True, default=False)
 
 
 def start_of(guess: Any, name: str = "guess") -> AbstractStart:
@@ -66,6 +69,30 @@ def revolutions_of(scene: Scene, system: System, guess: Any) -> int | None:
     if unbalance is None:
         return None
     return 1 if not known(unbalance) or bool(jnp.any(unbalance != 0)) else None
+
+
+def repeated_guess(
+    system: System,
+    guess: Any,
+    cycle: Cycle,
+    revolutions: int,
+    steps_per_revolution: int,
+    stations: Float[Array, " s"],
+) -> OrbitGuess:
+    """The guess of an orbit whose period is known: of revolutions, or of passes."""
+    steps = steps_per_revolution
+    if cycle.passes and cycle.revolutions is not None:
+        steps = max(LEAST, math.ceil(steps * cycle.revolutions * (1 - 1e-9)))
+    elif cycle.passes:
+        if not (isinstance(guess, PeriodicOrbit) and guess.passes):
+            raise ValueError(
+                "Steps are counted by the period of the forces, which is being traced here; give an "
+                "orbit that `periodic` found before as the guess."
+            )
+        steps = guess.steps
+    start = start_of(guess).state(system, stations[0])
+    rate, whole, none = cycle_rate(system, cycle.passes), jnp.asarray(2 * jnp.pi), jnp.zeros(())
+    return OrbitGuess(start, rate, whole, none, revolutions, steps, cycle.passes)
 
 
 def autonomous_guess(

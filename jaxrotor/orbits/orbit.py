@@ -64,8 +64,10 @@ class PeriodicOrbit(AbstractOrbit):
     scene: Scene
     error: OrbitError | None
     revolutions: int | None = eqx.field(static=True)  # in a period; None if it was unknown
-    steps: int = eqx.field(static=True)  # in a revolution, or in a period that was unknown
+    steps: int = eqx.field(static=True)  # in a revolution, a pass, or a period that was unknown
     solver: str = eqx.field(static=True)
+    # Whether `revolutions` are passes of the balls of a bearing, or periods of another law that turns:
+    passes: bool = eqx.field(static=True, default=False)
 
     @property
     def stable(self) -> Bool[Array, ""]:
@@ -92,7 +94,8 @@ class PeriodicOrbit(AbstractOrbit):
             degrees = math.degrees(float(self.turn))
             kind = f"Orbit of period {float(self.period):.9g} s that turns by {degrees:.6g} degrees"
         else:
-            kind = f"Orbit of {self.revolutions} revolution{'s' * (self.revolutions > 1)}"
+            one, many = ("pass", "passes") if self.passes else ("revolution", "revolutions")
+            kind = f"Orbit of {self.revolutions} {many if self.revolutions > 1 else one}"
         first = complex(self.multipliers[0])
         return (
             f"{kind}, whirl rate {float(self.whirl_rate):.9g}, "

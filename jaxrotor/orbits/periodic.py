@@ -23,8 +23,9 @@ from ..motion.revolutions import March, check_constant, joined, revolution_rate
 from ..scene import Scene
 from ..solvers.choice import choose, solver_name
 from ..solvers.exponential import Exponential
-from .guess import OrbitGuess, autonomous_guess, revolutions_of, start_of
+from .guess import OrbitGuess, autonomous_guess, repeated_guess, revolutions_of
 from .orbit import OrbitError, PeriodicOrbit, winding_angle
+from .passes import cycle_of, with_cycle
 from .shooting import (
     NewtonByTrial,
     Shooting,
@@ -57,15 +58,18 @@ def periodic(
     Periodic motions are computed by shooting: Newton's method on the difference between the state and
     itself one period later. The Jacobian is that of the steps themselves, jumps at changes of contact
     included, and its eigenvalues are the multipliers. With unbalance, `T` is a number of `revolutions`
-    and `turn` is 0. Without, `T` is unknown and, where stops at equal angles leave a scene as it is when
-    rotated, an orbit may return rotated.
+    and `turn` is 0. In rolling bearings without unbalance, `T` is a number of passes of their balls, by
+    `2 pi / balls` of the cage. Else, without unbalance, `T` is unknown and, where stops at equal angles
+    leave a scene as it is when rotated, an orbit may return rotated.
 
     Args:
         scene: the rotor, at constant speed.
         guess: end of a `TimeHistory`, another orbit, or any start. Without unbalance it must be near its
             orbit already: a start is first simulated for 8 revolutions.
         revolutions: in a period, by default 1 in a scene with unbalance. Given for a scene without one
-            they are the period, for a rotor that comes to rest under its loads.
+            they are the period, for a rotor that comes to rest under its loads. In rolling bearings
+            without unbalance they count passes, by default 1; with unbalance a revolution must be a
+            whole number of passes.
         turn: rotation [rad] that leaves the scene as it is, by which the orbit returns after a period;
             whole turns do not matter. By default it is estimated from the guess.
         period: of a scene without unbalance [s], near that of the orbit; by default it is estimated
@@ -99,9 +103,11 @@ def periodic(
     """
     solver = Exponential(4, located=True) if solver is None else solver
     check_counts(steps_per_revolution=steps_per_revolution, max_iterations=max_iterations)
-    check_constant(scene, "`periodic`")
+    check_constant(scene, "`periodic`", turning=True)
     stations, together = scene.stations(at), port_groups(scene)
     system = assemble(scene, together)
+    cycle = cycle_of(scene, system, "`periodic`")
+    system = with_cycle(system, cycle.passes)
     solver = differentiable(solver, system)
     if revolutions is None and turn is None and period is None:
         revolutions = revolutions_of(scene, system, guess)
@@ -116,9 +122,9 @@ def periodic(
                 "`revolutions` are the period, so they go without `turn` and `period`, which are for "
                 "scenes without unbalance."
             )
-        rate, whole = revolution_rate(scene, None), jnp.asarray(2 * jnp.pi)
-        start = start_of(guess).state(system, stations[0])
-        first = OrbitGuess(start, rate, whole, jnp.zeros(()), revolutions, steps_per_revolution)
+        revolution_rate(scene, None)  # raises at rest
+        steps = steps_per_revolution, stations
+        first = repeated_guess(system, guess, cycle, revolutions, *steps)
     finder = NewtonByTrial(tolerance, tolerance) if finder is None else finder
     chosen: Any = choose(solver, system, first.rate, first.start)
     settings = chosen, together, finder, tolerance
@@ -207,6 +213,7 @@ def _find(
         revolutions=guess.revolutions,
         steps=guess.steps,
         solver=solver_name(solver),
+        passes=guess.passes,
     )
 
 

@@ -21,7 +21,7 @@ from ..core.plane import plane
 from ..core.quantities import Scalar
 from ..effects.rub import AbstractRub
 from ..equations.start import Continued
-from ..equations.system import System, assemble, port_groups
+from ..equations.system import System, assemble, phrase, port_groups
 from ..motion.base import Plan
 from ..motion.revolutions import Outcome, joined
 from ..scene import Scene, with_shared_nodes
@@ -30,6 +30,7 @@ from ..solvers.choice import choose, solver_name
 from ..solvers.exponential import Exponential
 from .orbit import PeriodicOrbit, winding_angle
 from .parameter_range import ParameterRange, own, range_of
+from .passes import check_ranges, cycle_rate, with_cycle
 from .shooting import OrbitSamples, Shooting, differentiable, plan_of, without_unbalance
 from .symmetry import SAME, symmetry_defects, symmetry_order
 
@@ -55,6 +56,7 @@ class Evaluation(NamedTuple):
     period: Scalar  # [s]
     turn: Scalar  # [rad], whole turns included
     speed: Scalar  # [rad/s]
+    rate: Scalar  # [rad/s], see `Shooting`
     outcome: Outcome
 
 
@@ -71,6 +73,8 @@ class ContinuationProblem(eqx.Module):
     revolutions: int | None = eqx.field(static=True)  # None: the period is unknown
     order: int = eqx.field(static=True)  # of the rotations that leave the scene as it is
     images: int = eqx.field(static=True)  # periods after which the motion closes
+    # Whether `revolutions` are passes, see `Cycle`:
+    passes: bool = eqx.field(static=True, default=False)
 
     def values(self, u: Array | np.ndarray) -> tuple[Array, ...]:
         """Values of the parameters at unknowns `u = (x, s)`."""
@@ -94,14 +98,14 @@ class ContinuationProblem(eqx.Module):
         system = assemble(scene, self.plan.together)
         if self.revolutions is None:
             system = without_unbalance(system)
-        return system
+        return with_cycle(system, self.passes)
 
     def shooting(self, system: System, condition: PhaseCondition) -> Shooting:
         """Shooting with these equations; contacts are sampled after the stations."""
         stations = jnp.concatenate(
             [self.stations, *(jnp.atleast_1d(port.at) for port in system.ports)]
         )
-        rate = jnp.abs(system.spin.speed)
+        rate = cycle_rate(system, self.passes)
         normal = condition.normal if self.revolutions is None else None
         parts = system, self.plan, stations, rate, self.span, self.turn, self.size
         return Shooting(*parts, condition.reference, normal, self.revolutions or 1)
@@ -138,6 +142,7 @@ class ContinuationProblem(eqx.Module):
             revolutions=self.revolutions,
             steps=self.plan.steps,
             solver=solver_name(self.plan.solver),
+            passes=self.passes,
         )
 
     def state(
@@ -147,7 +152,7 @@ class ContinuationProblem(eqx.Module):
         m = evaluation.direction.size
         real, imag = np.split(float(self.size) * np.asarray(u[:m]), 2)
         q, rates = np.split(real + 1j * imag, 2)
-        return q, abs(float(evaluation.speed)) * rates
+        return q, float(evaluation.rate) * rates
 
     def radius(self, evaluation: Evaluation) -> tuple[np.ndarray, np.ndarray]:
         """Smallest and largest radius at the stations [m]."""
@@ -224,6 +229,7 @@ def evaluation_of(
         period,
         winding_angle(samples.displacement[:, 0], problem.turn),
         shooting.system.spin.speed,
+        shooting.rate,
         outcome,
     )
 
@@ -278,17 +284,18 @@ def problem_of(
     scene = with_shared_nodes(orbit.scene, list(ranges))
     parameters = tuple(range_of(scene, path, between, name) for path, between in ranges.items())
     together = port_groups(scene)
-    system = assemble(scene, together)
+    system = with_cycle(assemble(scene, together), orbit.passes)
     given = Exponential(4, located=True) if solver is None else solver
     chosen = differentiable(given, system)
     corners = itertools.product(*[(*between, own(scene, path)) for path, between in ranges.items()])
-    basis = {
-        _basis(scene.replace(dict(zip(ranges, corner, strict=True))), chosen) for corner in corners
-    }
+    ends = [scene.replace(dict(zip(ranges, corner, strict=True))) for corner in corners]
+    if "turns" in system.clocks:
+        check_ranges(scene, ends, orbit.passes, phrase(f"`{path}`" for path in ranges))
+    basis = {_basis(end, chosen, orbit.passes) for end in ends}
     modal = "modal" if basis == {"modal"} else "dense"
     chosen = Exponential(chosen.order, modal, chosen.located)
     plan = plan_of(chosen, together, orbit.steps)
-    rate = abs(float(scene.spin.speed))
+    rate = float(cycle_rate(system, orbit.passes))
     autonomous = orbit.revolutions is None
     turn = orbit.turn if autonomous else jnp.zeros(())
     images = 1
@@ -314,15 +321,16 @@ def problem_of(
         revolutions=orbit.revolutions,
         order=symmetry_order(scene, system) if autonomous else 1,
         images=images,
+        passes=orbit.passes,
     )
     x = np.concatenate([state.real, state.imag]) / size
     s = [one.place(own(scene, one.path)) for one in parameters]
     return problem, np.concatenate([x, [1.0] if autonomous else [], s])
 
 
-def _basis(scene: Scene, solver: Exponential) -> str:
-    rate: Scalar = jnp.abs(scene.spin.speed)
-    chosen: Any = choose(solver, assemble(scene), rate)
+def _basis(scene: Scene, solver: Exponential, passes: bool) -> str:
+    system = with_cycle(assemble(scene), passes)
+    chosen: Any = choose(solver, system, cycle_rate(system, passes))
     return chosen.basis
 
 

@@ -83,8 +83,13 @@ class Shooting(eqx.Module):
         steady = [] if lent else steady_amplitudes(system)
         size = jnp.max(jnp.abs(jnp.concatenate([start[0], start[1] / rate, *steady])))
         size = jax.lax.stop_gradient(jnp.where(size > 0, size, 1.0))
-        parts = system, plan, stations, rate, span, turn, size
-        plain = cls(*parts, jnp.zeros(4 * system.n), None, revolutions or 1)
+        parts = system, plan, stations, rate, span, turn
+        known = jnp.zeros(4 * system.n), None, revolutions or 1
+        if system.clocks:  # what turns may move a rotor from rest that has no load
+            trial = jax.lax.stop_gradient((parts, size, start))
+            size = _size_of(cls(*trial[0], trial[1], *known), trial[2])
+        parts = *parts, size
+        plain = cls(*parts, *known)
         guess = jax.lax.stop_gradient(plain.encode(*start))
         normal = None
         if revolutions is None:
@@ -159,6 +164,15 @@ class Shooting(eqx.Module):
             jacobian = (reflection @ jacobian @ reflection)[1:, 1:]
         values = multipliers_of(jacobian)
         return values[jnp.argsort(-jnp.abs(values))], trivial
+
+
+def _size_of(shooting: Shooting, start: tuple[Array, Array]) -> Scalar:
+    """The largest displacement of a trial and of its ends, in units of length [m]."""
+    x = shooting.encode(*start)
+    change, (samples, _) = shooting.residual(x)
+    seen = jnp.max(jnp.abs(samples.displacement))
+    size = jnp.maximum(seen, shooting.size * jnp.max(jnp.abs(jnp.stack([x, x + change]))))
+    return jnp.where((size > 0) & jnp.isfinite(size), size, shooting.size)
 
 
 def differentiable(solver: Any, system: System) -> Exponential:
