@@ -90,7 +90,8 @@ def static_positions(scene: Scene, speeds: Any = None) -> StaticPositions | Roll
     rolling = bool(scene.of(RollingBearing))
     if not scene.of(AbstractFilm) and not rolling:
         raise ValueError(
-            "The scene has no oil film; add a JournalBearing or a SqueezeFilm, or take the scene as it is."
+            "The scene has neither an oil film nor a rolling bearing; add one, such as a JournalBearing, "
+            "or take the scene as it is."
         )
     if rolling and scene.of(AbstractFilm):
         raise ValueError(

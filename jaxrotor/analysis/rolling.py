@@ -244,7 +244,12 @@ def _positions(rest: _Rest) -> tuple[tuple[Array, Array, Array], Array, Array]:
         return position, load, -slopes, law.power * law.stiffness * depth ** (law.power - 1)
 
     *found, stiff = of_each(bearing, rest.laws, rest.places(x))
-    loose = ~(stiff * largest(jnp.abs(compliance).reshape(-1, 4).T) < LOOSE)
+    narrow = widths[-1]
+    scale = linalg.norm(still.load) + jnp.sum(
+        of_each(lambda law: law.stiffness * narrow**law.power, still.laws)
+    )
+    settled = linalg.norm(still.blended(narrow).residual(free(x - change))[0]) <= 1e-6 * scale
+    loose = settled & ~(stiff * largest(jnp.abs(compliance).reshape(-1, 4).T) < LOOSE)
     carries = largest(jnp.abs(found[2]).reshape(-1, 4).T) * LOOSE > stiff
     good = good & ~jnp.any(loose)
     return jax.tree.map(lambda x: jnp.where(good, x, jnp.nan), tuple(found)), loose, carries

@@ -7,6 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..core.checks import check_counts
+from ..core.extremes import larger
 from ..core.quantities import Number, Scalar, at_least, nonnegative, positive, real
 from .base import AbstractContact
 from .law import AbstractSmoothLaw, Hardness, Now, Plane
@@ -14,6 +15,7 @@ from .law import AbstractSmoothLaw, Hardness, Now, Plane
 
 FEWEST = 3  # balls that hold a shaft along every direction
 FREEZES = ("frozen", "mean")
+PRESSED = 1e-4  # of the inner radius: how deep a ball is pressed in at least, for `hardness`
 
 
 class RollingBearing(AbstractContact):
@@ -78,6 +80,7 @@ class RollingBearing(AbstractContact):
             exponent=self.exponent,
             gap=self.gap,
             blend=self.blend,
+            pressed=larger(jnp.abs(self.gap), PRESSED * self.inner_radius),
             balls=self.balls,
         )
 
@@ -94,6 +97,7 @@ class RollingLaw(AbstractSmoothLaw):
     exponent: Scalar | None  # None: 3/2
     gap: Scalar  # [m]
     blend: Scalar | None  # [m]
+    pressed: Scalar  # how deep a ball is pressed in for `hardness` [m]
     balls: int = eqx.field(static=True)
 
     @property
@@ -138,15 +142,14 @@ class RollingLaw(AbstractSmoothLaw):
         return -self.inner * (displacement[0] * force[1] - displacement[1] * force[0])
 
     def hardness(self) -> Hardness:
-        """Stiffness of a ball that is pressed in as deep as the gap; of half of all balls under preload.
+        """Stiffness of a ball that is pressed in as deep as the gap; without a gap, of half of all balls.
 
-        That of Hertz's law grows with the load, which a law does not know. At a displacement of twice the
-        gap it is rather too high, so that steps are rather too short. Without a gap it is zero, which
-        limits no steps.
+        That of Hertz's law grows with the load, which a law does not know. A ball is pressed in by at
+        least 1e-4 of the inner radius. At a displacement of twice the gap the stiffness is rather too
+        high, so that steps are rather too short.
         """
-        slack = self.gap != 0
-        depth = jnp.where(slack, jnp.abs(self.gap), 1.0)
-        bearing = jnp.where(self.gap < 0, self.balls / 2, 1.0)
-        stiffness = bearing * self.power * self.stiffness * depth ** (self.power - 1)
-        zero = jnp.zeros_like(stiffness)
-        return Hardness(jnp.where(slack, stiffness, zero), zero, jnp.zeros(2), zero)
+        bearing = jnp.where(self.gap > 0, 1.0, self.balls / 2)
+        stiffness = bearing * self.power * self.stiffness * self.pressed ** (self.power - 1)
+        return Hardness(
+            stiffness, jnp.zeros_like(stiffness), jnp.zeros(2), jnp.zeros_like(stiffness)
+        )
