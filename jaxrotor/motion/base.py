@@ -9,7 +9,7 @@ import diffrax as dfx
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Complex, Float
+from jaxtyping import Array, Bool, Complex, Float, Int
 
 from ..core.outcome import Outcome
 from ..core.quantities import Number, Scalar
@@ -162,7 +162,9 @@ class AbstractMarch(eqx.Module):
         (_, *end), out = self.repeat(one, begin, windows)
         return end, out
 
-    def _through_rows(self, y: Float[Array, "y lanes"], windows: Count) -> tuple[Array, Outcome]:
+    def _through_rows(
+        self, y: Float[Array, "y lanes"], windows: int | Int[Array, "..."]
+    ) -> tuple[Array, Outcome]:
         """`step_through`, lanes last."""
         if not isinstance(windows, int):
             if windows.shape[-1] > 1:
