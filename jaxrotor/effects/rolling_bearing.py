@@ -15,7 +15,7 @@ from .law import AbstractSmoothLaw, Hardness, Now, Plane
 
 FEWEST = 3  # balls that hold a shaft along every direction
 FREEZES = ("frozen", "mean")
-PRESSED = 1e-4  # of the inner radius: how deep a ball is pressed in at least, for `hardness`
+PRESSED = 1e-6  # how deep a ball is pressed in at least, for `hardness` [m]
 
 
 class RollingBearing(AbstractContact):
@@ -80,7 +80,7 @@ class RollingBearing(AbstractContact):
             exponent=self.exponent,
             gap=self.gap,
             blend=self.blend,
-            pressed=larger(jnp.abs(self.gap), PRESSED * self.inner_radius),
+            pressed=larger(jnp.abs(self.gap), PRESSED),
             balls=self.balls,
         )
 
@@ -145,8 +145,8 @@ class RollingLaw(AbstractSmoothLaw):
         """Stiffness of a ball that is pressed in as deep as the gap; without a gap, of half of all balls.
 
         That of Hertz's law grows with the load, which a law does not know. A ball is pressed in by at
-        least 1e-4 of the inner radius. At a displacement of twice the gap the stiffness is rather too
-        high, so that steps are rather too short.
+        least a micrometre, as by ordinary loads. At a displacement of twice the gap the stiffness is
+        rather too high, so that steps are rather too short.
         """
         bearing = jnp.where(self.gap > 0, 1.0, self.balls / 2)
         stiffness = bearing * self.power * self.stiffness * self.pressed ** (self.power - 1)

@@ -422,9 +422,12 @@ def computed(scene):
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(5))
 def test_conservative_roots_are_imaginary(seed):
-    """Eigenvalues before `roots` removes rounding have real parts of 3e-11 of the largest root."""
+    """Eigenvalues before `roots` removes rounding, 1e-9, have real parts well below that.
+
+    By the vector units of a processor they are 3e-11 to 1.1e-10 of the largest root.
+    """
     values, roots = map(np.asarray, computed(random_rotor(seed)))
-    assert np.abs(values.real).max() < 1e-10 * np.abs(values).max()
+    assert np.abs(values.real).max() < 5e-10 * np.abs(values).max()
     assert np.all(roots.real == 0)
 
 
