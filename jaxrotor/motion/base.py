@@ -51,14 +51,12 @@ class Window(eqx.Module):
     velocity: Complex[Array, "T s ..."]  # [m/s]
     slope: Complex[Array, "T s ..."] | None
     contact_force: Complex[Array, "T k ..."] | None  # [N]
-    coordinates: (
-        tuple[Complex[Array, "T n ..."], Complex[Array, "T n ..."]] | None
-    )  # with their rates
+    # All coordinates and their rates:
+    coordinates: tuple[Complex[Array, "T n ..."], Complex[Array, "T n ..."]] | None
     step: Number  # time from sample to sample [s]
     sense: Number  # sign of the speed of rotation
-    time: Float[Array, "T ..."] | None = (
-        None  # since the start [s]; None: not computed by revolutions
-    )
+    # Since the start [s]; None: not computed by revolutions
+    time: Float[Array, "T ..."] | None = None
     speed: Float[Array, "T ..."] | None = None  # of rotation [rad/s]; None: that of the scene
     bodies: "Bodies | None" = None  # None: the scene has none
     states: Float[Array, "T x ..."] | None = None  # of laws; None: the scene has none

@@ -292,18 +292,15 @@ def _finish(step: LocatedStep, start: Any, split: Split) -> Split:
     lanes = split.left.shape
     if not lanes:
         return jax.lax.while_loop(lambda s: s.left > 0, lambda s: step.attempt(start, s), split)
-    size, parts = *lanes, (step, start)
-    arrays, constant = eqx.partition(parts, eqx.is_array)
-
-    def attempt(arrays: Any, split: Split) -> Split:
-        step, start = eqx.combine(arrays, constant)
-        return step.attempt(start, split)
+    (size,) = lanes
+    attempt = lambda parts, split: parts[0].attempt(parts[1], split)
 
     def block(split: Split) -> Split:
         left, some = jax.lax.top_k(split.left, min(size, BLOCK))
         some = jnp.where(left > 0, some, size)  # complete lanes: out of range, dropped
-        take = lambda leaf: leaf.at[..., some].get(mode="clip") if leaf.shape[-1] == size else leaf
-        tried = per_lane(attempt, jax.tree.map(take, arrays), jax.tree.map(take, split))
+        own = lambda leaf: eqx.is_array(leaf) and leaf.shape[-1] == size  # else shared by all lanes
+        take = lambda leaf: leaf.at[..., some].get(mode="clip") if own(leaf) else leaf
+        tried = per_lane(attempt, *jax.tree.map(take, ((step, start), split)))
         put = lambda old, new: old.at[..., some].set(new, mode="drop")
         return jax.tree.map(put, split, tried)
 
