@@ -287,6 +287,23 @@ on = "pedestal"
 """
         + PEDESTAL
     ],
+    "seal": [
+        """\
+[seal]
+at = "0.4 m"
+clearance = "0.4 mm"               # radial
+stiffness = "6e5 N/m"              # of the centred shaft
+damping = "1800 N s/m"
+swirl = 0.46                       # mean speed of the fluid over that of the shaft
+inertia = "4 kg"
+exponent = 2                       # by which stiffness and damping grow towards the wall
+swirl_exponent = 0.6
+offset = "10 um"
+angle = "270 deg"
+on = "pedestal"
+"""
+        + PEDESTAL
+    ],
     "rolling_bearing": [
         """\
 [rolling_bearing]                  # numbers of a 6306 with 8 balls

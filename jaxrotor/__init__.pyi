@@ -120,6 +120,7 @@ from .effects import (
     ModalDamping as ModalDamping,
     RayleighDamping as RayleighDamping,
     RollingBearing as RollingBearing,
+    Seal as Seal,
     SqueezeFilm as SqueezeFilm,
     Support as Support,
     Unbalance as Unbalance,

@@ -25,6 +25,7 @@ from jaxrotor import (
     RayleighDamping,
     RollingBearing,
     Scene,
+    Seal,
     SqueezeFilm,
     Support,
     Unbalance,
@@ -137,6 +138,7 @@ EFFECTS = [
     AnnularStator(LENGTH, 0.001, 4e5, 6.0, 0.2, rim_radius=0.1, offset=2e-4, angle=0.4),
     JournalBearing(LENGTH, 0.02, 0.5, 0.1, 0.1, offset=1e-3, angle=0.4),
     SqueezeFilm(LENGTH, 0.02, 0.5, 0.1, 0.1, blend=0.1),
+    Seal(LENGTH, 0.1, 4e4, 6.0, 0.5, 0.3, 2.0, 0.6),
     Support(
         LENGTH,
         3e4,
@@ -170,6 +172,7 @@ STRENGTHS = {
     "annular_stator": ("stiffness", "damping"),
     "journal_bearing": ("viscosity",),
     "squeeze_film": ("viscosity",),
+    "seal": ("stiffness", "damping", "inertia"),
     "rolling_bearing": ("stiffness",),
     "support": (
         "stiffness",

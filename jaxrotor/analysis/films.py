@@ -1,4 +1,4 @@
-"""Films: static positions of journals in their oil films, and linear coefficients there."""
+"""Films: static positions of shafts in their oil films and seals, and linear coefficients there."""
 
 from typing import Any
 
@@ -13,8 +13,8 @@ from ..core.compiled import compiled_quickly
 from ..core.extremes import larger
 from ..core.quantities import Scalar, known
 from ..core.tables import RPM, notebook_table
-from ..effects import RollingBearing, Support
-from ..effects.film import AbstractFilm, FilmLaw
+from ..effects import RollingBearing, Seal, Support
+from ..effects.film import AbstractFluid, AbstractFluidLaw
 from ..effects.law import Now
 from ..equations.pencil import check_axes, frame, unequal_parts
 from ..equations.port import Port
@@ -27,8 +27,6 @@ from .equilibrium import double, linear_part, of_each, parts_of, port_forces_at_
 from .rolling import RollingPositions, freeze_of, rolling_positions
 
 
-NEAREST = 1e-4  # root of 1 - eccentricity^2 up to which a film is sought to bear its load
-NEAREST_FINITE = 0.1  # likewise of a film of finite length
 STIFF = 1e6  # springs that hold journals in place, over the stiffness of their films
 MOST = 60  # steps of Newton's method
 
@@ -59,13 +57,13 @@ class StaticPositions(eqx.Module):
             for j, name in enumerate(self.films)
         ]
         heads = ("film", "speed [rad/s]", "[rpm]", "eccentricity", "load [N]")
-        return notebook_table("Static positions in oil films", heads, rows)
+        return notebook_table("Static positions in films and seals", heads, rows)
 
 
 def static_positions(scene: Scene, speeds: Any = None) -> StaticPositions | RollingPositions:
     """`K q = loads + Sum column F(row q, 0, Omega)`: the rotor at rest in its bearings, under weight.
 
-    The equilibrium in oil films is that of the whole rotor, also where its bearings share the load by its
+    The equilibrium in films and seals is that of the whole rotor, also where its bearings share the load by its
     stiffness, and the coefficients are the exact Jacobian of the film there. Newton's method starts
     from the loads that the weight puts on the bearings, each in the position that bears it.
 
@@ -74,7 +72,7 @@ def static_positions(scene: Scene, speeds: Any = None) -> StaticPositions | Roll
     balls, at 256 angles: where a ball begins to bear in between, the error of a stiffness is about 1e-4.
 
     Args:
-        scene: a rotor with at least one `JournalBearing` or `SqueezeFilm`, or one `RollingBearing`.
+        scene: a rotor with a `JournalBearing`, `SqueezeFilm` or `Seal`, or with a `RollingBearing`.
         speeds: one or more speeds [rad/s], by default that of the scene.
 
     Returns:
@@ -88,18 +86,18 @@ def static_positions(scene: Scene, speeds: Any = None) -> StaticPositions | Roll
     """
     speeds = jnp.atleast_1d(jnp.asarray(scene.spin.speed if speeds is None else speeds, float))
     rolling = bool(scene.of(RollingBearing))
-    if not scene.of(AbstractFilm) and not rolling:
+    if not scene.of(AbstractFluid) and not rolling:
         raise ValueError(
-            "The scene has neither an oil film nor a rolling bearing; add one, such as a JournalBearing, "
-            "or take the scene as it is."
+            "The scene has no oil film, no seal and no rolling bearing; add one, such as a "
+            "JournalBearing, or take the scene as it is."
         )
-    if rolling and scene.of(AbstractFilm):
+    if rolling and scene.of(AbstractFluid):
         raise ValueError(
-            "Static positions are those of oil films or of rolling bearings, but the scene has both; put "
-            "a Support in place of one kind, or simulate it in time."
+            "Static positions are those of films and seals or of rolling bearings, but the scene has "
+            "both; put a Support in place of one kind, or simulate it in time."
         )
     check_tables(scene, speeds)
-    system, films = assemble(scene), scene.of(AbstractFilm)
+    system, films = assemble(scene), scene.of(AbstractFluid)
     if frame(system.blocks) == "rotating":
         raise ValueError(
             f"Axes of {unequal_parts(system, 'rotating')} turn with the shaft, so the rotor under weight "
@@ -154,7 +152,7 @@ def linearized(scene: Scene, speeds: Any = None) -> Scene:
             "`linearized(scene.at_speed(speed))`."
         )
     sense = scene.spin.sense
-    turning = any(film.turning for film in scene.of(AbstractFilm))
+    turning = any(film.turning for film in scene.of(AbstractFluid))
     if turning and speeds is not None and known(speeds) and known(sense):
         least, most = np.min(speeds), np.max(speeds)
         if sense < 0 <= most:
@@ -169,7 +167,7 @@ def linearized(scene: Scene, speeds: Any = None) -> Scene:
                 f"one sense, but are from {least:g} to {most:g} rad/s; take one scene for each sense."
             )
     found = static_positions(scene, speeds)
-    kind = AbstractFilm if isinstance(found, StaticPositions) else RollingBearing
+    kind = AbstractFluid if isinstance(found, StaticPositions) else RollingBearing
     bearings = scene.of(kind)
     effects = []
     for effect in scene.effects:
@@ -186,11 +184,11 @@ def linearized(scene: Scene, speeds: Any = None) -> Scene:
     return Scene(scene.shaft, *effects, spin=scene.spin, assumption=assumption)
 
 
-def film_support(film: AbstractFilm, load: ArrayLike, speeds: Any) -> Support:
+def film_support(film: AbstractFluid, load: ArrayLike, speeds: Any) -> Support:
     """Linear `Support` of one film under a given load, by the exact Jacobian at its static position.
 
     Args:
-        film: a `JournalBearing`.
+        film: a `JournalBearing` or `Seal`.
         load: complex force of the rotor on the film, `x + i y` [N], such as `-1j * weight`.
         speeds: a speed [rad/s], or two or more ascending ones as nodes of tables.
 
@@ -211,25 +209,25 @@ def film_support(film: AbstractFilm, load: ArrayLike, speeds: Any) -> Support:
 
 
 @compiled_quickly
-def _at_speeds(system: System, films: tuple[AbstractFilm, ...], speeds: Float[Array, " k"]):
+def _at_speeds(system: System, films: tuple[AbstractFluid, ...], speeds: Float[Array, " k"]):
     """Positions in the bush, loads, stiffness and damping of all films at every speed."""
     return jax.vmap(lambda speed: _positions(_Balance.of(system.at_speed(speed), films)))(speeds)
 
 
 @compiled_quickly
-def _under_load(film: AbstractFilm, load: Complex[Array, ""], speeds: Float[Array, " k"]):
+def _under_load(film: AbstractFluid, load: Complex[Array, ""], speeds: Float[Array, " k"]):
     """Position in the bush, load, stiffness and damping at every speed."""
     return jax.vmap(lambda speed: _positions(_Balance.under_load(film, load, speed)))(speeds)
 
 
 def check_linear(scene: Scene, speeds: Any = None) -> None:
-    """Raise if a scene has films, of which linear analyses need coefficients, or tables lack a speed."""
-    films = scene.of(AbstractFilm)
+    """Raise if a scene has films, whose coefficients linear analyses need, or tables lack a speed."""
+    films = scene.of(AbstractFluid)
     if films:
         names = ", ".join(scene.name_of(film) for film in films)
         raise ValueError(
-            f"Oil films ({names}) have linear coefficients about a static position only; give this "
-            "analysis `jaxrotor.linearized(scene)`, or `linearized(scene, speeds)` over several speeds."
+            f"Films and seals ({names}) have linear coefficients about a static position only; give "
+            "this analysis `jaxrotor.linearized(scene)`, or `linearized(scene, speeds)` over several speeds."
         )
     if bearings := scene.of(RollingBearing):
         freeze_of(scene)
@@ -242,7 +240,7 @@ def check_linear(scene: Scene, speeds: Any = None) -> None:
 
 
 def _support(
-    bearing: AbstractFilm | RollingBearing,
+    bearing: AbstractFluid | RollingBearing,
     speeds: Array | None,
     stiffness: Float[Array, "k 2 2"],
     damping: Any,
@@ -253,9 +251,10 @@ def _support(
     for letter, matrix in given:
         for i, j, axes in ((0, 0, "xx"), (0, 1, "xy"), (1, 0, "yx"), (1, 1, "yy")):
             numbers[letter + axes] = matrix[:, i, j] if speeds is not None else matrix[0, i, j]
-    turning = bearing.turning if isinstance(bearing, AbstractFilm) else False
+    turning = bearing.turning if isinstance(bearing, AbstractFluid) else False
     sense = {} if speeds is None else {"speeds": speeds, "one_sense": turning}
-    return Support(at=bearing.at, on=bearing.on, **sense, **numbers)
+    mass = {"mxx": bearing.inertia} if isinstance(bearing, Seal) else {}
+    return Support(at=bearing.at, on=bearing.on, **sense, **numbers, **mass)
 
 
 # === equilibrium
@@ -267,13 +266,13 @@ class _Balance(eqx.Module):
     matrix: Float[Array, "n2 n2"]
     load: Float[Array, " n2"]
     ports: tuple[Port, ...]
-    laws: tuple[FilmLaw, ...]
+    laws: tuple[AbstractFluidLaw, ...]
     rows: Float[Array, "f n"]  # read the displacements of the journals
     columns: Float[Array, "n f"]
     speed: Scalar
 
     @classmethod
-    def of(cls, system: System, films: tuple[AbstractFilm, ...]) -> "_Balance":
+    def of(cls, system: System, films: tuple[AbstractFluid, ...]) -> "_Balance":
         """Balance of a rotor at its speed."""
         pairs = [ends(system.line, film.at, film.on) for film in films]
         rows = jnp.stack([row for row, _ in pairs])
@@ -284,7 +283,7 @@ class _Balance(eqx.Module):
         return cls(matrix, load, system.ports, laws, rows, columns, speed)
 
     @classmethod
-    def under_load(cls, film: AbstractFilm, load: Complex[Array, ""], speed: Scalar) -> "_Balance":
+    def under_load(cls, film: AbstractFluid, load: Complex[Array, ""], speed: Scalar) -> "_Balance":
         """Balance of a journal under a load."""
         one, law = jnp.ones(1), film.law()
         port = Port(one, one, film.at, (jax.tree.map(lambda leaf: jnp.asarray(leaf)[None], law),))
@@ -311,10 +310,7 @@ class _Balance(eqx.Module):
         Where the loads follow from equilibrium alone, it is near the position that is sought.
         """
         centres = jnp.stack([law.x + 1j * law.y for law in self.laws])
-        springs = jnp.stack(
-            [law.film.turning * law.scale / law.film.clearance for law in self.laws]
-        )
-        springs = springs * jnp.abs(self.speed)
+        springs = jnp.stack([law.spring(self.speed) for law in self.laws])
 
         def held(springs: Array, places: Array) -> Float[Array, " n2"]:
             """Position on springs that are without force in some places."""
@@ -324,25 +320,8 @@ class _Balance(eqx.Module):
 
         x, y = (self.places(held(springs, centres))).T
         loads = springs * (x + 1j * y - centres)
-        place = lambda law, load: _bearing_place(law, load, self.speed)
-        places = of_each(place, self.laws, loads)
+        places = of_each(lambda law, load: law.place(load, self.speed), self.laws, loads)
         return held(STIFF * springs, centres + places)
-
-
-def _bearing_place(law: FilmLaw, load: Complex[Array, ""], speed: Scalar) -> Complex[Array, ""]:
-    """Position in the bush [m] that bears a load, to some digits, among many along one direction."""
-    s = np.geomspace(1.0, NEAREST if law.film.modes == 0 else NEAREST_FINITE, 400)
-    e = np.sqrt((1 - s) * (1 + s))
-    zero = np.zeros_like(e)
-    still = jnp.stack([e, zero], axis=1), jnp.stack([zero, -e / 2], axis=1)  # at a speed of 1
-    along, across = jax.vmap(law.resistance)(*still).T
-    capacity = law.scale * jnp.abs(speed)
-    share = jnp.abs(load) / jnp.where(capacity > 0, capacity, 1.0)  # a film at rest has no load
-    eccentricity = jnp.interp(share, jnp.hypot(along, across), e)
-    attitude = jnp.interp(eccentricity, e, jnp.arctan2(-across, along))
-    direction = load / jnp.where(load == 0, 1.0, jnp.abs(load))
-    place = law.film.clearance * eccentricity * direction
-    return place * jnp.exp(1j * jnp.sign(speed) * attitude)
 
 
 def _positions(balance: _Balance):
@@ -353,7 +332,7 @@ def _positions(balance: _Balance):
     residual, jacobian = balance.residual(x)
     x = jnp.where(good, x - linalg.solve(free(jacobian), residual), jnp.nan)
 
-    def film(law: FilmLaw, place: Array) -> tuple[Array, ...]:
+    def film(law: AbstractFluidLaw, place: Array) -> tuple[Array, ...]:
         force = lambda motion: law(motion[:2], motion[2:], Now(balance.speed))
         own, slopes = with_slopes(force, jnp.append(place, jnp.zeros(2)))
         position = place - jnp.stack([law.x, law.y])

@@ -25,6 +25,7 @@ from .limiter import Limiter as Limiter
 from .modal_damping import ModalDamping as ModalDamping
 from .rayleigh_damping import RayleighDamping as RayleighDamping
 from .rolling_bearing import RollingBearing as RollingBearing
+from .seal import Seal as Seal
 from .squeeze_film import SqueezeFilm as SqueezeFilm
 from .support import Support as Support
 from .unbalance import Unbalance as Unbalance

@@ -1,9 +1,13 @@
-"""Film: forces of an oil film between a journal and its bush."""
+"""Film: forces of a fluid film between a journal and its bush."""
 
+import abc
 from typing import ClassVar
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Complex
 
 from ..core.quantities import Number, Scalar
 from .base import AbstractContact
@@ -12,33 +16,76 @@ from .law import AbstractSmoothLaw, Hardness, Now, Plane
 
 
 SERIES = 0.1  # below this `t - arctan t` is summed as a series
+NEAREST = 1e-4  # root of 1 - eccentricity^2 up to which a film is sought to bear its load
+NEAREST_FINITE = 0.1  # likewise of a film of finite length
+PLACES = 400  # eccentricities among which that position is sought
 
 
-class AbstractFilm(AbstractContact):
-    """Oil film around a journal, which acts always and has no stiffness but about a static position."""
+class AbstractFluid(AbstractContact):
+    """Fluid in the annular gap around a shaft, which acts always, linearly only about a static position."""
 
-    turning: eqx.AbstractClassVar[bool]  # whether the journal rotates in the film
+    turning: eqx.AbstractClassVar[bool]  # whether the shaft rotates in the fluid
 
-    viscosity: eqx.AbstractVar[Scalar]  # mu [Pa s]
-    radius: eqx.AbstractVar[Scalar]  # R [m]
-    length: eqx.AbstractVar[Scalar]  # L [m]
     clearance: eqx.AbstractVar[Scalar]  # radial, c [m]
-    offset: eqx.AbstractVar[Scalar]  # of the centre of the bush from the axis [m]
-    blend: eqx.AbstractVar[Scalar | None]  # delta [1/s]
-    cavitated: eqx.AbstractVar[bool]  # whether only half of the film is under pressure
-    modes: eqx.AbstractVar[int]  # modes of the pressure along the film; 0: the short film
+    offset: eqx.AbstractVar[Scalar]  # of the centre of the gap from the axis [m]
 
     @property
     def eccentric(self) -> Scalar:
         return self.offset
 
+    @property
+    def centre(self) -> tuple[Scalar, Scalar]:
+        """Centre of the gap [m]."""
+        return self.offset * jnp.cos(self.angle), self.offset * jnp.sin(self.angle)
+
+
+class AbstractFluidLaw(AbstractSmoothLaw):
+    """Law of a fluid in an annular gap; the force is NaN where the gap is closed and beyond."""
+
+    x: eqx.AbstractVar[Scalar]  # centre of the gap [m]
+    y: eqx.AbstractVar[Scalar]
+    film: eqx.AbstractVar[AbstractFluid]
+
+    def eccentricity(self, displacement: Plane) -> Plane:
+        """`zeta`, displacement of the shaft in the gap over the clearance."""
+        centre = jnp.stack(jnp.broadcast_arrays(self.x, self.y))
+        return (displacement - centre) / self.film.clearance
+
+    @abc.abstractmethod
+    def spring(self, speed: Scalar) -> Scalar:
+        """Stiffness [N/m] about the centre, by which a load is shared before its position is known."""
+
+    @abc.abstractmethod
+    def place(self, load: Complex[Array, ""], speed: Scalar) -> Complex[Array, ""]:
+        """Position in the gap [m] that bears a load, to some digits."""
+
+
+def place_by(
+    load: Complex[Array, ""], eccentricities: np.ndarray, forces: Complex[Array, " e"]
+) -> Complex[Array, ""]:
+    """Eccentricity that bears a load, by the forces [N] at positive real ones, in ascending order."""
+    size, forces = jnp.abs(load), -forces
+    eccentricity = jnp.interp(size, jnp.abs(forces), eccentricities)
+    attitude = jnp.interp(eccentricity, eccentricities, jnp.angle(forces))
+    return eccentricity * load / jnp.where(size > 0, size, 1.0) * jnp.exp(-1j * attitude)
+
+
+class AbstractFilm(AbstractFluid):
+    """Oil film around a journal, which has no stiffness but about a static position."""
+
+    viscosity: eqx.AbstractVar[Scalar]  # mu [Pa s]
+    radius: eqx.AbstractVar[Scalar]  # R [m]
+    length: eqx.AbstractVar[Scalar]  # L [m]
+    blend: eqx.AbstractVar[Scalar | None]  # delta [1/s]
+    cavitated: eqx.AbstractVar[bool]  # whether only half of the film is under pressure
+    modes: eqx.AbstractVar[int]  # modes of the pressure along the film; 0: the short film
+
     def law(self) -> "FilmLaw":
         """Law of the film, with the centre of its bush computed once."""
-        x, y = self.offset * jnp.cos(self.angle), self.offset * jnp.sin(self.angle)
-        return FilmLaw(x=x, y=y, film=self)
+        return FilmLaw(*self.centre, film=self)
 
 
-class FilmLaw(AbstractSmoothLaw):
+class FilmLaw(AbstractFluidLaw):
     """`F = -k0 |w| Int cos(phi) u e^(i phi) / (1 - a cos phi - b sin phi)^3 dphi` of a short film.
 
     The integral goes over the half circle around `u = w / |w|` that is under pressure, `zeta = z / c`,
@@ -69,10 +116,18 @@ class FilmLaw(AbstractSmoothLaw):
         """Length over diameter."""
         return self.film.length / (2 * self.film.radius)
 
-    def eccentricity(self, displacement: Plane) -> Plane:
-        """`zeta`, displacement of the journal in the bush over the clearance."""
-        centre = jnp.stack(jnp.broadcast_arrays(self.x, self.y))
-        return (displacement - centre) / self.film.clearance
+    def spring(self, speed: Scalar) -> Scalar:
+        return self.film.turning * self.scale / self.film.clearance * jnp.abs(speed)
+
+    def place(self, load: Complex[Array, ""], speed: Scalar) -> Complex[Array, ""]:
+        """That of a film at rest, which bears nothing, is on the farthest circle."""
+        s = np.geomspace(1.0, NEAREST_FINITE if self.film.modes else NEAREST, PLACES)
+        e = np.sqrt((1 - s) * (1 + s))
+        zero = np.zeros_like(e)
+        still = jnp.stack([e, zero], axis=1), jnp.stack([zero, -e / 2], axis=1)  # at a speed of 1
+        along, across = jax.vmap(self.resistance)(*still).T
+        forces = -self.scale * jnp.abs(speed) * (along + 1j * jnp.sign(speed) * across)
+        return self.film.clearance * place_by(load, e, forces)
 
     def __call__(self, displacement: Plane, velocity: Plane, now: Now) -> Plane:
         zeta, rate = self.eccentricity(displacement), velocity / self.film.clearance

@@ -18,6 +18,8 @@ LANES = 12
 FILM = {"viscosity": 0.02, "radius": 0.04, "length": 0.03, "clearance": 1e-4}
 STOP = {"gap": 2e-5, "stiffness": 4e6, "damping": 60.0, "friction": 0.1, "rim_radius": 0.1}
 ROLLING = {"balls": 7, "stiffness": 1e10, "gap": 2e-5, "inner_radius": 0.04, "outer_radius": 0.06}
+SEAL = {"clearance": 4e-4, "stiffness": 6e5, "damping": 1800.0, "swirl": 0.46, "inertia": 4.0}
+SEAL |= {"exponent": 2.0, "swirl_exponent": 0.6}
 SOFT = {"blend": 1e-5, "slip": 0.05}
 LAWS = {
     "stop": jr.Limiter(0.5, 0.7, **STOP).law(),
@@ -30,6 +32,8 @@ LAWS = {
     "full film": jr.SqueezeFilm(0.5, **FILM, cavitated=False).law(),
     "rolling bearing": jr.RollingBearing(0.5, **ROLLING, angle=0.3).law(),
     "blended rolling bearing": jr.RollingBearing(0.5, **ROLLING, exponent=1.2, blend=1e-6).law(),
+    "seal": jr.Seal(0.5, **SEAL, offset=1e-5, angle=0.4).law(),
+    "plain seal": jr.Seal(0.5, 4e-4, 6e5, 1800.0, 0.46).law(),
     "unequal bearing": DeviatorLaw(jnp.array([2e6, 3e5]), jnp.array([40.0, 7.0])),
 }
 

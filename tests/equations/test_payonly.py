@@ -38,7 +38,7 @@ from jaxrotor import (
 )
 from jaxrotor.core.blocks import Blocks, Load
 from jaxrotor.effects import AbstractLinear
-from jaxrotor.effects.film import AbstractFilm
+from jaxrotor.effects.film import AbstractFluid
 from jaxrotor.equations.rotating_frame import RotatingState, Transient
 from jaxrotor.equations.stationary_frame import Motion
 from jaxrotor.equations.system import structure
@@ -242,7 +242,7 @@ def test_zero_strength_equals_absence(kinds):
 @pytest.mark.slow
 @pytest.mark.parametrize("effect", HARMONIC, ids=lambda effect: effect.kind)
 def test_zero_strength_equals_absence_among_harmonic_motions(effect):
-    others = [one for one in EFFECTS if not isinstance(one, AbstractFilm)]  # films have no roots
+    others = [one for one in EFFECTS if not isinstance(one, AbstractFluid)]  # films have no roots
     base, here = bare(*others, N=4.0), bare(*others, effect, N=4.0)
     zero = without_strength(here, effect)
     expected = np.asarray(jr.roots(base, 6))

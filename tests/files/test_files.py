@@ -62,6 +62,7 @@ OTHERS = [
     "overhung-fan",
     "ring-rub",
     "rolling-bearing",
+    "seal-whirl",
     "turbine-run-up",
     "turbine-variants",
     "two-discs",
