@@ -63,9 +63,9 @@ class StaticPositions(eqx.Module):
 def static_positions(scene: Scene, speeds: Any = None) -> StaticPositions | RollingPositions:
     """`K q = loads + Sum column F(row q, 0, Omega)`: the rotor at rest in its bearings, under weight.
 
-    The equilibrium in films and seals is that of the whole rotor, also where its bearings share the load by its
-    stiffness, and the coefficients are the exact Jacobian of the film there. Newton's method starts
-    from the loads that the weight puts on the bearings, each in the position that bears it.
+    The equilibrium in films and seals is that of the whole rotor, also where its bearings share the load
+    by its stiffness, and the coefficients are the exact Jacobian of the film there. Newton's method
+    starts from the loads that the weight puts on the bearings, each in the position that bears it.
 
     In rolling bearings the rotor rests where `linear` of each has the cage: "frozen" at its `angle`, or
     "mean", the mean of all such positions while the cages, all together, turn by the angle between two
@@ -227,7 +227,8 @@ def check_linear(scene: Scene, speeds: Any = None) -> None:
         names = ", ".join(scene.name_of(film) for film in films)
         raise ValueError(
             f"Films and seals ({names}) have linear coefficients about a static position only; give "
-            "this analysis `jaxrotor.linearized(scene)`, or `linearized(scene, speeds)` over several speeds."
+            "this analysis `jaxrotor.linearized(scene)`, or `linearized(scene, speeds)` over several "
+            "speeds."
         )
     if bearings := scene.of(RollingBearing):
         freeze_of(scene)

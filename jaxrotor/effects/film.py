@@ -22,7 +22,7 @@ PLACES = 400  # eccentricities among which that position is sought
 
 
 class AbstractFluid(AbstractContact):
-    """Fluid in the annular gap around a shaft, which acts always, linearly only about a static position."""
+    """Fluid in the annular gap around a shaft, which acts always, and linearly about a position alone."""
 
     turning: eqx.AbstractClassVar[bool]  # whether the shaft rotates in the fluid
 
