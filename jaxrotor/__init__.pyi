@@ -108,6 +108,7 @@ from .effects import (
     BallBalancer as BallBalancer,
     BallContact as BallContact,
     Casing as Casing,
+    Crack as Crack,
     CubicSpring as CubicSpring,
     Disc as Disc,
     DiscDamping as DiscDamping,

@@ -13,6 +13,7 @@ from .base import (
     AbstractLoad as AbstractLoad,
 )
 from .casing import Casing as Casing
+from .crack import Crack as Crack
 from .cubic_spring import CubicSpring as CubicSpring
 from .disc import Disc as Disc
 from .external_damping import DiscDamping as DiscDamping, ExternalDamping as ExternalDamping

@@ -5,7 +5,7 @@ columns of `AbstractLine`.
 """
 
 import abc
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, ClassVar, NamedTuple
 
 import equinox as eqx
@@ -16,6 +16,7 @@ from ..core.blocks import Blocks, Load
 from ..core.checks import suggest
 from ..core.quantities import Scalar, Series
 from ..core.representation import AbstractPart
+from ..shafts.hinge import Hinge
 from ..shafts.line import AbstractLine, AbstractShaft
 from ..shafts.massless import coincide
 from .law import AbstractLaw
@@ -157,6 +158,14 @@ class AbstractContact(AbstractEffect):
     @property
     def eccentric(self) -> Scalar | None:
         """Distance of its centre from the axis [m], of a law that is the same all round it; else None."""
+        return None
+
+    @property
+    def hinge_law(self) -> Callable[[Hinge], AbstractLaw] | None:
+        """The law of a jump of slope by the moment at its station, in place of `law`; None: no hinge.
+
+        Its displacement is then `t'K q` of the hinge that it is given, and its force the jump.
+        """
         return None
 
     @abc.abstractmethod

@@ -22,6 +22,7 @@ from ..effects.base import (
 from ..effects.law import AbstractLaw, Now, States
 from ..scene import Scene
 from ..shafts.cased import ends
+from ..shafts.hinge import hinge
 from ..shafts.line import AbstractLine
 from ..spins.base import AbstractSpin
 from ..spins.constant import constant
@@ -179,7 +180,10 @@ def _assembled(scene: Scene, together: tuple[tuple[int, ...], ...]) -> System:
     parts = blocks_of_parts(scene, line)
     blocks = sum(parts.values(), Blocks())
     contacts = scene.of(AbstractContact)
-    every = [contact.law() for contact in contacts]
+    hinges = {i: hinge(line, one.at) for i, one in enumerate(contacts) if one.hinge_law}
+    every = [
+        one.hinge_law(hinges[i]) if one.hinge_law else one.law() for i, one in enumerate(contacts)
+    ]
     first = np.cumsum([0, *(len(law.states) for law in every)])
     ports, members = [], []
     for group in together:
@@ -188,9 +192,10 @@ def _assembled(scene: Scene, together: tuple[tuple[int, ...], ...]) -> System:
             stacks.setdefault(jax.tree.structure(every[i]), []).append(i)
         own = [i for stack in stacks.values() for i in stack]
         at, on = contacts[group[0]].at, contacts[group[0]].on
+        own_ends = hinges[group[0]][:2] if group[0] in hinges else ends(line, at, on)
         laws = tuple(_stack([every[i] for i in stack]) for stack in stacks.values())
         places = tuple(int(k) for i in own for k in range(first[i], first[i + 1]))
-        ports.append(Port(*ends(line, at, on), at, laws, on=on, places=places))
+        ports.append(Port(*own_ends, at, laws, on=on, places=places))
         members += own
     races = [Race(line.row(b.at), line.column(b.at), b.at, b) for b in scene.of(AbstractBodies)]
     return System(
@@ -290,6 +295,7 @@ def polar_inertia(scene: Scene) -> Scalar | None:
 def port_groups(scene: Scene) -> tuple[tuple[int, ...], ...]:
     """Groups of contacts of a scene that act at one station, on the same casing if any, and share a port.
 
+    A hinge has a port of its own, as it reads a moment.
     Stations are the same if they are one traced value, or known and equal. Contacts with separately
     traced stations have ports of their own, so that a derivative by one station moves that contact alone.
     """
@@ -297,7 +303,8 @@ def port_groups(scene: Scene) -> tuple[tuple[int, ...], ...]:
     same = lambda a, b: a is b or known(a) and known(b) and float(a) == float(b)
     for i, contact in enumerate(scene.of(AbstractContact)):
         for first, group in groups:
-            if contact.on == first.on and same(contact.at, first.at):
+            bent = contact.hinge_law or first.hinge_law
+            if not bent and contact.on == first.on and same(contact.at, first.at):
                 group.append(i)
                 break
         else:
