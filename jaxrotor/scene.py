@@ -31,7 +31,9 @@ from .effects.base import (
     AbstractEffect,
     check_casing,
     check_casings,
+    check_hinges,
     check_yield,
+    has_hinges,
 )
 from .shafts.cased import CasedLine
 from .shafts.line import NODES, AbstractLine, AbstractShaft, Attached
@@ -90,7 +92,10 @@ class Scene(eqx.Module):
             )
         self.spans = _spans(shaft, members, stations)
         self.resolution = shaft.resolution(stations, self.spans, _count_held(members))
-        self.attached = shaft.attached(stations, _turned(members), self.resolution)
+        if not has_hinges(members):
+            self.attached = shaft.attached(stations, _turned(members), self.resolution)
+        elif getattr(shaft, "nodes", None) == "auto":  # a kink needs them, and is in no mode
+            self.resolution = tuple(max(NODES, count) for count in self.resolution)
         warn_implausible(self.known_values())
 
     def line(self) -> AbstractLine:
@@ -375,7 +380,9 @@ def _spans(shaft, effects, stations: tuple[float, ...]) -> tuple[int, ...]:
         if (reason := shaft.reason_against(at)) is not None:
             raise ValueError(f"The {owner} at {at:g} m {reason}.")
     check_yield(shaft, effects)
-    return shaft.spans(stations)
+    spans = shaft.spans(stations)
+    check_hinges(shaft, effects, [stations[k] for k in spans[1:-1]])
+    return spans
 
 
 def with_shared_nodes(scene: Scene, paths: Iterable[str]) -> Scene:

@@ -13,7 +13,7 @@ from ..core.compiled import compiled_quickly
 from ..core.extremes import larger
 from ..core.quantities import Scalar, known
 from ..core.tables import RPM, notebook_table
-from ..effects import RollingBearing, Support
+from ..effects import Crack, RollingBearing, Support
 from ..effects.film import AbstractFilm, FilmLaw
 from ..effects.law import Now
 from ..equations.pencil import check_axes, frame, unequal_parts
@@ -223,7 +223,7 @@ def _under_load(film: AbstractFilm, load: Complex[Array, ""], speeds: Float[Arra
 
 
 def check_linear(scene: Scene, speeds: Any = None) -> None:
-    """Raise if a scene has films, of which linear analyses need coefficients, or tables lack a speed."""
+    """Raise if a scene has what has no linear coefficients as it is, such as films; or tables lack a speed."""
     films = scene.of(AbstractFilm)
     if films:
         names = ", ".join(scene.name_of(film) for film in films)
@@ -237,6 +237,13 @@ def check_linear(scene: Scene, speeds: Any = None) -> None:
         raise ValueError(
             f"Rolling bearings ({names}) are linear about a static position only; give this analysis "
             "`jaxrotor.linearized(scene)`."
+        )
+    if cracks := scene.of(Crack):
+        names = ", ".join(scene.name_of(crack) for crack in cracks)
+        raise ValueError(
+            f"Cracks ({names}) breathe as the shaft turns, so the rotor has no constant stiffness; take "
+            "`jaxrotor.periodic`, whose multipliers tell of stability, beside `jaxrotor.harmonic_balance`; "
+            'or leave them out as closed, `scene.without("cracks")`.'
         )
     check_tables(scene, speeds)
 

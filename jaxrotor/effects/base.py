@@ -30,6 +30,7 @@ class AbstractEffect(AbstractPart):
     holds_shaft: ClassVar[bool] = (
         False  # whether it holds the shaft at its station, always or in contact
     )
+    strains: ClassVar[bool] = False  # whether it damps the strain of the shaft
 
     @property
     def turns_section(self) -> bool:
@@ -289,3 +290,51 @@ def check_yield(shaft: AbstractShaft, effects: tuple[AbstractEffect, ...]) -> No
                     f"The {effect.kind} at {float(at):g} m has no effect, since a {pin.holds} of the "
                     "shaft holds the displacement there; leave one of both out."
                 )
+
+
+# === hinges
+
+
+def has_hinges(effects: tuple[AbstractEffect, ...]) -> bool:
+    """Whether an effect is a hinge of the shaft."""
+    return any(isinstance(one, AbstractContact) and one.hinge_law is not None for one in effects)
+
+
+def check_hinges(
+    shaft: AbstractShaft, effects: tuple[AbstractEffect, ...], ends: Sequence[float]
+) -> None:
+    """Raise unless spans of the shaft meet at every hinge, at known `ends` [m], and nothing resists it."""
+    if not has_hinges(effects):
+        return
+    length, number = float(shaft.length), []
+    for effect in effects:
+        if not isinstance(effect, AbstractContact) or effect.hinge_law is None:
+            continue
+        name = f"The {effect.kind} at {float(effect.at):g} m"
+        at = [k for k, end in enumerate(ends) if coincide(float(effect.at), end, length)]
+        if not at:
+            raise ValueError(
+                f"{name} bends the shaft, but no spans of it meet there; place it in a FlexibleShaft of "
+                "spectral rule, between its ends and off other parts by 0.2 % of its length or not at all."
+            )
+        number += at
+        for one in getattr(shaft, "constraints", ()):
+            if one.slope and coincide(float(one.at), float(effect.at), length):
+                raise ValueError(
+                    f"{name} is where a {one.holds} of the shaft holds its slope; move one of them."
+                )
+        if getattr(shaft, "anisotropy", None) is not None:
+            raise ValueError(f"{name} needs a round shaft; leave `shaft.anisotropy` out.")
+        for one in effects:
+            if one.strains:
+                raise ValueError(
+                    f"{name} has a jump of slope, which is no strain of the material, so the "
+                    f"{one.kind} would damp it wrongly; take ExternalDamping, ModalDamping or a "
+                    "DiscDamping in its place."
+                )
+    number.sort()
+    if any(after - one < 2 for one, after in zip(number, number[1:], strict=False)):
+        raise ValueError(
+            "Two hinges of the shaft, as by cracks with `compliance`, need another station between them; "
+            "put a Disc of zero mass there, or move one of them."
+        )

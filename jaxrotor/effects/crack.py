@@ -130,6 +130,11 @@ class CrackLaw(AbstractLaw):
         return True
 
     @property
+    def steep(self) -> bool:
+        """Of a hinge, whose jump moves all modes at once: explicit steps must resolve the fastest."""
+        return self.stiffness is not None
+
+    @property
     def kinked(self) -> bool:
         return self.breathing != "mayes"
 
@@ -163,9 +168,8 @@ class CrackLaw(AbstractLaw):
         return torque
 
     def hardness(self) -> Hardness:
-        """What it takes away while it is open."""
-        number = self.weak if self.across is None else larger(self.weak, self.across)
-        lost = number / self._stiffer(number, 1.0)
+        """The loss, or compliance, which is that of a hinge without the line about it."""
+        lost = self.weak if self.across is None else larger(self.weak, self.across)
         return Hardness(lost, jnp.zeros_like(lost), jnp.zeros(2), jnp.zeros_like(lost))
 
     def clearance(self, displacement: Plane) -> Number:
