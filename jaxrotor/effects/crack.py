@@ -164,7 +164,9 @@ class CrackLaw(AbstractLaw):
         _, _, *places = self._turned(displacement, now)
         for number, place in zip((self.weak, self.across), places, strict=True):
             if number is not None:
-                torque += rate * number * (place / self._stiffer(number, opening)) ** 2 / 2
+                if self.stiffness is not None:  # `M` in place of `M_0`
+                    place = place * (1 - self.stiffness * self._open(number, opening))
+                torque += rate * number * place**2 / 2
         return torque
 
     def hardness(self) -> Hardness:
@@ -198,12 +200,13 @@ class CrackLaw(AbstractLaw):
     def _by(self, opening: Number, displacement: Plane, now: Now) -> Plane:
         """Force by the opening."""
         cos, sin, xi, eta = self._turned(displacement, now)
-        along = opening * self.weak / self._stiffer(self.weak, opening) * xi
+        along = self._open(self.weak, opening) * xi
         if self.across is None:
             return jnp.stack([along * cos, along * sin])
-        across = opening * self.across / self._stiffer(self.across, opening) * eta
+        across = self._open(self.across, opening) * eta
         return jnp.stack([along * cos - across * sin, along * sin + across * cos])
 
-    def _stiffer(self, number: Scalar, opening: Number) -> Number:
-        """What the line keeps off the crack by its own stiffness, `M_0 / M` of a hinge; 1 without one."""
-        return 1.0 if self.stiffness is None else 1 + opening * number * self.stiffness
+    def _open(self, number: Number, opening: Number) -> Number:
+        """`f c` of a loss, or `f c / (1 + f c k)` of a compliance in a line of stiffness k."""
+        opened = opening * number
+        return opened if self.stiffness is None else opened / (1 + opened * self.stiffness)
