@@ -13,6 +13,7 @@ from ..core.compiled import compiled
 from ..core.quantities import known
 from ..core.tables import largest_rows, notebook_table
 from ..effects import AbstractContact, Support
+from ..effects.base import has_hinges
 from ..equations.forces import (
     applied_force,
     body_force,
@@ -132,6 +133,11 @@ def reactions(response: TimeHistory) -> Reactions:
     Source: course project of `turbine-run-up`, Newton-Euler equations (9) with its errata.
     """
     scene = response.scene
+    if has_hinges(scene.effects):
+        raise ValueError(
+            "Reactions are those of a shaft without hinges, but a crack with `compliance` is one; take "
+            "its `loss` at a station in place of it."
+        )
     instants = response.instants
     force, moment, static, static_moment, constraints = _all(scene, assemble(scene), instants)
     names = [scene.name_of(effect) for effect in scene.of(Support)]
