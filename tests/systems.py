@@ -10,6 +10,7 @@ from jaxrotor import (
     Casing,
     ConstantSpeed,
     Constraint,
+    Crack,
     CubicSpring,
     Disc,
     DiscDamping,
@@ -147,8 +148,11 @@ EFFECTS = [
         angular_damping=0.1,
     ),
 ]
-# What counts turns of the shaft, so that it has no motion by whole revolutions.
-TURNING = [RollingBearing(LENGTH, 7, 4e7, 1e-3, 0.04, 0.06, angle=0.3)]
+# What turns, so that the rotor has no constant coefficients, or even counts turns.
+TURNING = [
+    RollingBearing(LENGTH, 7, 4e7, 1e-3, 0.04, 0.06, angle=0.3),
+    Crack(LENGTH, 3e4, 1e4, angle=0.3),
+]
 HARMONIC = [HystereticDamping(0.01)]  # known for harmonic motions only
 ROLLING = [
     BallBalancer(LENGTH, 0.05, 0.06, 3.5, in_use=2.0, ball_radius=0.02, places=3),
@@ -171,6 +175,7 @@ STRENGTHS = {
     "journal_bearing": ("viscosity",),
     "squeeze_film": ("viscosity",),
     "rolling_bearing": ("stiffness",),
+    "crack": ("loss", "loss_across"),
     "support": (
         "stiffness",
         "damping",

@@ -22,6 +22,7 @@ from jaxrotor import (
     Casing,
     ConstantSpeed,
     Constraint,
+    Crack,
     Disc,
     Drive,
     FlexibleShaft,
@@ -52,6 +53,7 @@ NAMES = ["limiter-rotor", "limiter-rotor-2023"]
 OTHERS = [
     "ball-balancer",
     "ball-balancer-light",
+    "cracked-rotor",
     "dual-stiffness-elastic",
     "dual-stiffness-rigid",
     "dual-stiffness-rotating",
@@ -282,6 +284,7 @@ ANOTHER_WAY = {  # fields of the second way to give a part, which the scene belo
         "frequencies",
     ],
     Unbalance: ["moment"],
+    Crack: ["compliance", "compliance_across"],
 }
 
 
