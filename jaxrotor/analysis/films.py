@@ -13,7 +13,7 @@ from ..core.compiled import compiled_quickly
 from ..core.extremes import larger
 from ..core.quantities import Scalar, known
 from ..core.tables import RPM, notebook_table
-from ..effects import Crack, RollingBearing, Support
+from ..effects import RollingBearing, Support
 from ..effects.film import AbstractFilm, FilmLaw
 from ..effects.law import Now
 from ..equations.pencil import check_axes, frame, unequal_parts
@@ -23,6 +23,7 @@ from ..equations.stationary_frame import check_not_turning
 from ..equations.system import System, assemble
 from ..scene import Scene
 from ..shafts.cased import ends
+from .cracked import check_uncracked
 from .equilibrium import double, linear_part, of_each, parts_of, port_forces_at_rest, with_slopes
 from .rolling import RollingPositions, freeze_of, rolling_positions
 
@@ -223,7 +224,7 @@ def _under_load(film: AbstractFilm, load: Complex[Array, ""], speeds: Float[Arra
 
 
 def check_linear(scene: Scene, speeds: Any = None) -> None:
-    """Raise if a scene has what has no linear coefficients as it is, such as films; or tables lack a speed."""
+    """Raise if a scene has parts without linear coefficients, such as films, or tables lack a speed."""
     films = scene.of(AbstractFilm)
     if films:
         names = ", ".join(scene.name_of(film) for film in films)
@@ -238,13 +239,7 @@ def check_linear(scene: Scene, speeds: Any = None) -> None:
             f"Rolling bearings ({names}) are linear about a static position only; give this analysis "
             "`jaxrotor.linearized(scene)`."
         )
-    if cracks := scene.of(Crack):
-        names = ", ".join(scene.name_of(crack) for crack in cracks)
-        raise ValueError(
-            f"Cracks ({names}) breathe as the shaft turns, so the rotor has no constant stiffness; take "
-            "`jaxrotor.periodic`, whose multipliers tell of stability, beside `jaxrotor.harmonic_balance`; "
-            'or leave them out as closed, `scene.without("cracks")`.'
-        )
+    check_uncracked(scene)
     check_tables(scene, speeds)
 
 

@@ -276,6 +276,12 @@ def check_casing(name: str, names: Sequence[str]) -> None:
 # === stations
 
 
+def count_held(effects: tuple[AbstractEffect, ...]) -> int:
+    """Number of stations where effects hold the shaft, always or while in contact."""
+    held = (getattr(effect, "at", None) for effect in effects if effect.holds_shaft)
+    return len({float(at) for at in held if at is not None})
+
+
 def check_yield(shaft: AbstractShaft, effects: tuple[AbstractEffect, ...]) -> None:
     """Raise if a support is where a constraint of the shaft holds the displacement it acts on."""
     pins = [one for one in getattr(shaft, "constraints", ()) if one.displacement]
@@ -301,12 +307,15 @@ def has_hinges(effects: tuple[AbstractEffect, ...]) -> bool:
 
 
 def check_hinges(
-    shaft: AbstractShaft, effects: tuple[AbstractEffect, ...], ends: Sequence[float]
+    shaft: AbstractShaft,
+    effects: tuple[AbstractEffect, ...],
+    spans: Sequence[int],
+    stations: Sequence[float],
 ) -> None:
-    """Raise unless spans of the shaft meet at every hinge, at known `ends` [m], and nothing resists it."""
+    """Raise unless spans between known `stations` [m] meet at every hinge, and nothing resists it."""
     if not has_hinges(effects):
         return
-    length, number = float(shaft.length), []
+    length, number, ends = float(shaft.length), [], [stations[k] for k in spans[1:-1]]
     for effect in effects:
         if not isinstance(effect, AbstractContact) or effect.hinge_law is None:
             continue

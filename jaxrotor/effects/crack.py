@@ -10,7 +10,6 @@ import numpy as np
 from ..core.extremes import larger
 from ..core.quantities import Number, Scalar, known, nonnegative, real
 from ..shafts.hinge import Hinge
-from ..shafts.line import AbstractLine
 from .base import AbstractContact
 from .law import AbstractLaw, Branch, Hardness, Now, Plane
 
@@ -51,7 +50,7 @@ class Crack(AbstractContact):
     holds_shaft: ClassVar[bool] = False
 
     at: Scalar = nonnegative("at [m]")
-    loss: Scalar | None = nonnegative("loss [N/m]", default=None)  # of stiffness along the weak axis
+    loss: Scalar | None = nonnegative("loss [N/m]", default=None)  # along the weak axis
     loss_across: Scalar | None = nonnegative("loss_across [N/m]", default=None)
     compliance: Scalar | None = nonnegative("compliance [rad/(N m)]", default=None)  # likewise
     compliance_across: Scalar | None = nonnegative("compliance_across [rad/(N m)]", default=None)
@@ -72,14 +71,14 @@ class Crack(AbstractContact):
                 "A crack needs either `loss [N/m]`, with `loss_across` if any, or `compliance "
                 "[rad/(N m)]`, with `compliance_across` if any."
             )
-        if self.breathing == "response" and across is not None:
-            if known(across) and float(across) > 0:
-                name = "compliance_across" if self.hinged else "loss_across"
-                raise ValueError(
-                    f"A crack that opens by its response has no `{name}`, but it is {float(across):g}: the "
-                    "force across would jump where the crack opens, and energy would appear from nowhere; "
-                    'leave it out, or take `breathing = "mayes"`.'
-                )
+        split = self.breathing == "response" and across is not None
+        if split and known(across) and float(cast(Any, across)) > 0:
+            name = "compliance_across" if self.hinged else "loss_across"
+            raise ValueError(
+                f"A crack that opens by its response has no `{name}`, but it is "
+                f"{float(cast(Any, across)):g}: the force across would jump where the crack opens, and "
+                'energy would appear from nowhere; leave it out, or take `breathing = "mayes"`.'
+            )
 
     @property
     def hinged(self) -> bool:
@@ -102,9 +101,8 @@ class Crack(AbstractContact):
 
     def _law(self, hinge: Hinge | None) -> "CrackLaw":
         weak, across = self._numbers
-        weak = cast(Any, weak)
         return CrackLaw(
-            weak=weak,
+            weak=cast(Any, weak),
             across=None if self.breathing == "response" else across,
             stiffness=None if hinge is None else hinge.stiffness,
             angle=self.angle,
@@ -131,7 +129,7 @@ class CrackLaw(AbstractLaw):
 
     @property
     def steep(self) -> bool:
-        """Of a hinge, whose jump moves all modes at once: explicit steps must resolve the fastest."""
+        """Whether it is a hinge, whose jump moves all modes at once, also those too fast for the steps."""
         return self.stiffness is not None
 
     @property

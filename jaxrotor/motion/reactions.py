@@ -130,6 +130,9 @@ def reactions(response: TimeHistory) -> Reactions:
     Returns:
         `Reactions`, whose axis `k` has supports, then constraints, then contacts.
 
+    Raises:
+        ValueError: if a crack is a hinge of the shaft.
+
     Source: course project of `turbine-run-up`, Newton-Euler equations (9) with its errata.
     """
     scene = response.scene

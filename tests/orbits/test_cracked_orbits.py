@@ -1,4 +1,4 @@
-"""Orbits of a mass on a cracked shaft, by shooting and by harmonic balance, and their ranges of instability.
+"""Orbits of a mass on a cracked shaft, by shooting and by harmonic balance, and their instability.
 
 Numbers are those of DOP853, of collocation of order 12 and of matrix exponentials, to 1e-9.
 """
