@@ -32,7 +32,7 @@ LAWS = {
     "blended rolling bearing": jr.RollingBearing(0.5, **ROLLING, exponent=1.2, blend=1e-6).law(),
     "crack": jr.Crack(0.5, 3e5, 1e5, angle=0.3).law(),
     "crack by switch": jr.Crack(0.5, 3e5, 1e5, angle=0.3, breathing="switch").law(),
-    "crack by response": jr.Crack(0.5, 3e5, angle=0.3, breathing="response").law(),
+    "crack by response": jr.Crack(0.5, 3e5, angle=2.0, breathing="response").law(),
     "unequal bearing": DeviatorLaw(jnp.array([2e6, 3e5]), jnp.array([40.0, 7.0])),
 }
 

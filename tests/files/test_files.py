@@ -877,7 +877,7 @@ def study_of(text):
             "[disc]",
             "[disk]",
             "disk is not a part of a scene (did you mean `[disc]`?); it has: title, assumption, "
-            "shaft, annular_stator, ball_balancer, ball_contact, casing, cubic_spring, disc, ",
+            "shaft, annular_stator, ball_balancer, ball_contact, casing, crack, cubic_spring, disc, ",
         ),
         (
             "[disc]",
