@@ -118,6 +118,7 @@ from .effects import (
     InternalDamping as InternalDamping,
     JournalBearing as JournalBearing,
     Limiter as Limiter,
+    LoosePedestal as LoosePedestal,
     ModalDamping as ModalDamping,
     RayleighDamping as RayleighDamping,
     RollingBearing as RollingBearing,

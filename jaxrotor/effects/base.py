@@ -16,7 +16,6 @@ from ..core.blocks import Blocks, Load
 from ..core.checks import suggest
 from ..core.quantities import Scalar, Series
 from ..core.representation import AbstractPart
-from ..shafts.hinge import Hinge
 from ..shafts.line import AbstractLine, AbstractShaft
 from ..shafts.massless import coincide
 from .law import AbstractLaw
@@ -137,6 +136,14 @@ class AbstractLoad(AbstractEffect):
         """Load of this effect; `blocks` are those of the whole scene, as weight depends on all masses."""
 
 
+class OwnPort(NamedTuple):
+    """A port of a contact alone: its law has `row q` as displacement, and `column F` is in the equations."""
+
+    row: Float[Array, " n"]
+    column: Float[Array, " r"]
+    law: AbstractLaw
+
+
 class AbstractContact(AbstractEffect):
     """Effect with a nonlinear law of displacement and velocity at a station.
 
@@ -162,11 +169,13 @@ class AbstractContact(AbstractEffect):
         return None
 
     @property
-    def hinge_law(self) -> Callable[[Hinge], AbstractLaw] | None:
-        """The law of a jump of slope by the moment at its station, in place of `law`; None: no hinge.
+    def hinged(self) -> bool:
+        """Whether it is a hinge of a flexible shaft."""
+        return False
 
-        Its displacement is then `t'K q` of the hinge that it is given, and its force the jump.
-        """
+    @property
+    def own_port(self) -> "Callable[[AbstractLine], OwnPort] | None":
+        """What it reads of a line and acts on, where that is not its station; None: it is."""
         return None
 
     @abc.abstractmethod
@@ -303,7 +312,7 @@ def check_yield(shaft: AbstractShaft, effects: tuple[AbstractEffect, ...]) -> No
 
 def has_hinges(effects: tuple[AbstractEffect, ...]) -> bool:
     """Whether an effect is a hinge of the shaft."""
-    return any(isinstance(one, AbstractContact) and one.hinge_law is not None for one in effects)
+    return any(isinstance(one, AbstractContact) and one.hinged for one in effects)
 
 
 def check_hinges(
@@ -317,7 +326,7 @@ def check_hinges(
         return
     length, number, ends = float(shaft.length), [], [stations[k] for k in spans[1:-1]]
     for effect in effects:
-        if not isinstance(effect, AbstractContact) or effect.hinge_law is None:
+        if not isinstance(effect, AbstractContact) or not effect.hinged:
             continue
         name = f"The {effect.kind} at {float(effect.at):g} m"
         at = [k for k, end in enumerate(ends) if coincide(float(effect.at), end, length)]

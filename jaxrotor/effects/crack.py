@@ -9,8 +9,9 @@ import numpy as np
 
 from ..core.extremes import larger
 from ..core.quantities import Number, Scalar, known, nonnegative, real
-from ..shafts.hinge import Hinge
-from .base import AbstractContact
+from ..shafts.hinge import hinge
+from ..shafts.line import AbstractLine
+from .base import AbstractContact, OwnPort
 from .law import AbstractLaw, Branch, Hardness, Now, Plane
 
 
@@ -82,7 +83,6 @@ class Crack(AbstractContact):
 
     @property
     def hinged(self) -> bool:
-        """Whether it is a hinge of a flexible shaft, by its `compliance`."""
         return self.compliance is not None
 
     @property
@@ -93,18 +93,23 @@ class Crack(AbstractContact):
         return self.loss, self.loss_across
 
     @property
-    def hinge_law(self) -> Callable[[Hinge], AbstractLaw] | None:
-        return self._law if self.hinged else None
+    def own_port(self) -> Callable[[AbstractLine], OwnPort] | None:
+        return self._as_hinge if self.hinged else None
+
+    def _as_hinge(self, line: AbstractLine) -> OwnPort:
+        row, column, stiffness = hinge(line, self.at)
+        return OwnPort(row, column, self.law_within(stiffness))
 
     def law(self) -> "CrackLaw":
-        return self._law(None)
+        return self.law_within(None)
 
-    def _law(self, hinge: Hinge | None) -> "CrackLaw":
+    def law_within(self, stiffness: Scalar | None) -> "CrackLaw":
+        """The law of a hinge in a line of a stiffness [N m] against a jump of slope; None: of a loss."""
         weak, across = self._numbers
         return CrackLaw(
             weak=cast(Any, weak),
             across=None if self.breathing == "response" else across,
-            stiffness=None if hinge is None else hinge.stiffness,
+            stiffness=stiffness,
             angle=self.angle,
             tension=self.tension,
             breathing=self.breathing,

@@ -22,7 +22,6 @@ from ..effects.base import (
 from ..effects.law import AbstractLaw, Now, States
 from ..scene import Scene
 from ..shafts.cased import ends
-from ..shafts.hinge import hinge
 from ..shafts.line import AbstractLine
 from ..spins.base import AbstractSpin
 from ..spins.constant import constant
@@ -180,10 +179,8 @@ def _assembled(scene: Scene, together: tuple[tuple[int, ...], ...]) -> System:
     parts = blocks_of_parts(scene, line)
     blocks = sum(parts.values(), Blocks())
     contacts = scene.of(AbstractContact)
-    hinges = {i: hinge(line, one.at) for i, one in enumerate(contacts) if one.hinge_law}
-    every = [
-        one.hinge_law(hinges[i]) if one.hinge_law else one.law() for i, one in enumerate(contacts)
-    ]
+    owned = {i: one.own_port(line) for i, one in enumerate(contacts) if one.own_port}
+    every = [owned[i].law if i in owned else one.law() for i, one in enumerate(contacts)]
     first = np.cumsum([0, *(len(law.states) for law in every)])
     ports, members = [], []
     for group in together:
@@ -192,7 +189,8 @@ def _assembled(scene: Scene, together: tuple[tuple[int, ...], ...]) -> System:
             stacks.setdefault(jax.tree.structure(every[i]), []).append(i)
         own = [i for stack in stacks.values() for i in stack]
         at, on = contacts[group[0]].at, contacts[group[0]].on
-        own_ends = hinges[group[0]][:2] if group[0] in hinges else ends(line, at, on)
+        at = jnp.zeros(()) if at is None else at
+        own_ends = owned[group[0]][:2] if group[0] in owned else ends(line, at, on)
         laws = tuple(_stack([every[i] for i in stack]) for stack in stacks.values())
         places = tuple(int(k) for i in own for k in range(first[i], first[i + 1]))
         ports.append(Port(*own_ends, at, laws, on=on, places=places))
@@ -295,7 +293,7 @@ def polar_inertia(scene: Scene) -> Scalar | None:
 def port_groups(scene: Scene) -> tuple[tuple[int, ...], ...]:
     """Groups of contacts of a scene that act at one station, on the same casing if any, and share a port.
 
-    A hinge has a port of its own, as it reads a moment.
+    What reads no displacement at its station, as a hinge, has a port of its own.
     Stations are the same if they are one traced value, or known and equal. Contacts with separately
     traced stations have ports of their own, so that a derivative by one station moves that contact alone.
     """
@@ -303,8 +301,8 @@ def port_groups(scene: Scene) -> tuple[tuple[int, ...], ...]:
     same = lambda a, b: a is b or known(a) and known(b) and float(a) == float(b)
     for i, contact in enumerate(scene.of(AbstractContact)):
         for first, group in groups:
-            bent = contact.hinge_law or first.hinge_law
-            if not bent and contact.on == first.on and same(contact.at, first.at):
+            alone = contact.own_port or first.own_port
+            if not alone and contact.on == first.on and same(contact.at, first.at):
                 group.append(i)
                 break
         else:

@@ -13,7 +13,6 @@ from ..core.compiled import compiled
 from ..core.quantities import known
 from ..core.tables import largest_rows, notebook_table
 from ..effects import AbstractContact, Support
-from ..effects.base import has_hinges
 from ..equations.forces import (
     applied_force,
     body_force,
@@ -131,15 +130,15 @@ def reactions(response: TimeHistory) -> Reactions:
         `Reactions`, whose axis `k` has supports, then constraints, then contacts.
 
     Raises:
-        ValueError: if a crack is a hinge of the shaft.
+        ValueError: if a crack is a hinge of the shaft, or a pedestal is loose.
 
     Source: course project of `turbine-run-up`, Newton-Euler equations (9) with its errata.
     """
     scene = response.scene
-    if has_hinges(scene.effects):
+    if owners := [scene.name_of(one) for one in scene.of(AbstractContact) if one.own_port]:
         raise ValueError(
-            "Reactions are those of a shaft without hinges, but a crack with `compliance` is one; take "
-            "its `loss` at a station in place of it."
+            f"Reactions are those of forces at stations of the shaft, but {', '.join(owners)} acts "
+            "otherwise; leave it out, or take the `loss` of a crack in place of its `compliance`."
         )
     instants = response.instants
     force, moment, static, static_moment, constraints = _all(scene, assemble(scene), instants)

@@ -10,7 +10,6 @@ from scipy.linalg import expm
 
 import jaxrotor as jr
 from jaxrotor.effects.law import Now
-from jaxrotor.shafts.hinge import Hinge
 
 
 LOCATED = jr.Exponential(4, located=True)
@@ -34,9 +33,8 @@ def force_and_torque(law, place, angle):
 def laws(**values):
     """Cracks that breathe in every way, and a hinge in a line of some stiffness."""
     hinged = {"loss": None, "loss_across": None, "compliance": 0.4, "compliance_across": 0.1}
-    hinge = Hinge(jnp.ones(1), jnp.ones(1), jnp.asarray(7.0))
     found = {name: crack(name, **values).law() for name in ("mayes", "switch", "response")}
-    return found | {"hinge": crack(**hinged, **values).hinge_law(hinge)}
+    return found | {"hinge": crack(**hinged, **values).law_within(jnp.asarray(7.0))}
 
 
 @pytest.mark.parametrize("name", laws())
