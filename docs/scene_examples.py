@@ -305,6 +305,24 @@ on = "pedestal"
 """
         + PEDESTAL
     ],
+    "loose_pedestal": [
+        """\
+[loose_pedestal]                   # under a bearing of the shaft
+name = "block"
+mass = "12 kg"
+stiffness = "5e7 N/m"              # of the foundation, which can only press
+damping = "8e3 N s/m"
+bolt_stiffness = "2e7 N/m"
+bolt_damping = "4e3 N s/m"
+play = "40 um"                     # lift until the bolts hold
+angle = "-90 deg"                  # to the foundation
+
+[[support]]                        # between shaft and pedestal
+at = "0.4 m"
+on = "block"
+stiffness = "8e6 N/m"
+"""
+    ],
     "crack": [
         """\
 [crack]                            # of a shaft whose stiffness at the station is 1e6 N/m

@@ -21,6 +21,7 @@ from jaxrotor import (
     InternalDamping,
     JournalBearing,
     Limiter,
+    LoosePedestal,
     MasslessShaft,
     ModalDamping,
     RayleighDamping,
@@ -158,9 +159,13 @@ ROLLING = [
     BallBalancer(LENGTH, 0.05, 0.06, 3.5, in_use=2.0, ball_radius=0.02, places=3),
     BallContact(1e5, 8.0),
 ]
-BESIDE = [Casing("pedestal", 3.0)]  # a mass beside the shaft, which a support has to hold
+BESIDE = [
+    Casing("pedestal", 3.0),
+    LoosePedestal("block", 3.0, 3e4, 9.0, 2e4),
+]  # a mass beside the shaft, which a support has to hold
 STRENGTHS = {
     "casing": (),  # its supports, see tests/effects/test_casing.py
+    "loose_pedestal": (),
     "disc": ("mass", "diametral", "polar"),
     "unbalance": ("eccentricity",),
     "gravity": ("acceleration",),

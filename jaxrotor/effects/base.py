@@ -137,7 +137,7 @@ class AbstractLoad(AbstractEffect):
 
 
 class OwnPort(NamedTuple):
-    """A port of a contact alone: its law has `row q` as displacement, and `column F` is in the equations."""
+    """Port of one contact: its law has `row q` as displacement, and `column F` enters the equations."""
 
     row: Float[Array, " n"]
     column: Float[Array, " r"]
@@ -175,7 +175,7 @@ class AbstractContact(AbstractEffect):
 
     @property
     def own_port(self) -> "Callable[[AbstractLine], OwnPort] | None":
-        """What it reads of a line and acts on, where that is not its station; None: it is."""
+        """Its port on a line, where it reads and acts on other than its station; None: it does not."""
         return None
 
     @abc.abstractmethod

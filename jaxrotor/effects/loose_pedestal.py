@@ -61,9 +61,7 @@ class LoosePedestal(AbstractLinear, AbstractCasing, AbstractContact):
 
     @property
     def own_port(self) -> Callable[[AbstractLine], OwnPort]:
-        return lambda line: OwnPort(
-            row_of(line, self.name), column_of(line, self.name), self.law()
-        )
+        return lambda line: OwnPort(row_of(line, self.name), column_of(line, self.name), self.law())
 
     def law(self) -> "PedestalLaw":
         return PedestalLaw(jnp.cos(self.angle), jnp.sin(self.angle), self)

@@ -188,7 +188,7 @@ def test_a_shaft_that_opens_by_its_moment():
         atol=1e-15,
     ).y[:, -1]
     assert abs(complex(run.displacement[-1, 0]) - (y[0] + 1j * y[1])) < 1e-5 * abs(y[0] + 1j * y[1])
-    with pytest.raises(ValueError, match="Reactions are those of forces at stations of the shaft, but crack acts"):
+    with pytest.raises(ValueError, match="Reactions are those of forces at stations"):
         jr.reactions(run)
 
 

@@ -27,6 +27,7 @@ from jaxrotor import (
     Drive,
     FlexibleShaft,
     Limiter,
+    LoosePedestal,
     Material,
     RigidShaft,
     RollingBearing,
@@ -296,7 +297,11 @@ def every_effect() -> Scene:
         if cls is Casing:
             members.append(Casing("pedestal", rng.random() / 3))
             continue
+        if cls is LoosePedestal:
+            members.append(LoosePedestal("block", *(rng.random() / 3 for _ in range(7))))
+            continue
         if cls is Support:
+            members.append(Support(at=1 / 9, on="block", kxx=1 / 11))
             members.append(Support(of="pedestal", kxx=1 / 3, kyy=1 / 7, cxx=0.0, cyy=1 / 9))
         for _ in range(rng.choice([1, 2])):
             names = [f.name for f in dataclasses.fields(cls) if not f.metadata.get("static")]
