@@ -57,8 +57,8 @@ class Crack(AbstractContact):
     compliance_across: Scalar | None = nonnegative("compliance_across [rad/(N m)]", default=None)
     angle: Scalar = real("angle [rad]", default=0.0)  # of the weak axis at theta = 0
     tension: Scalar = real("tension [rad]", default=-np.pi / 2)  # direction of the side that opens
-    breathing: Breathing = eqx.field(default="mayes", static=True)
-    on: ClassVar[None] = None
+    breathing: Breathing = eqx.field(default="mayes", static=True)  # how it opens, see above
+    on: ClassVar[None] = None  # it is in the shaft itself
 
     def __check_init__(self):
         if self.breathing not in get_args(Breathing):

@@ -38,7 +38,7 @@ class LoosePedestal(AbstractLinear, AbstractCasing, AbstractContact):
     plural: ClassVar[str] = "loose_pedestals"
     rebounds: ClassVar[bool] = True
 
-    name: str = eqx.field(static=True)
+    name: str = eqx.field(static=True)  # by which supports refer to it
     mass: Scalar = positive("mass [kg]")
     stiffness: Scalar = positive("stiffness [N/m]")  # of the foundation
     damping: Scalar = nonnegative("damping [N s/m]")
@@ -46,8 +46,8 @@ class LoosePedestal(AbstractLinear, AbstractCasing, AbstractContact):
     bolt_damping: Scalar = nonnegative("bolt_damping [N s/m]", default=0.0)
     play: Scalar = nonnegative("play [m]", default=0.0)  # of the bolts
     angle: Scalar = real("angle [rad]", default=-np.pi / 2)  # to the foundation
-    at: ClassVar[None] = None
-    on: ClassVar[None] = None
+    at: ClassVar[None] = None  # no station of the shaft
+    on: ClassVar[None] = None  # the ground
 
     def blocks(self, line: AbstractLine) -> Blocks:
         column, row = column_of(line, self.name), row_of(line, self.name)

@@ -190,10 +190,11 @@ def _assembled(scene: Scene, together: tuple[tuple[int, ...], ...]) -> System:
         own = [i for stack in stacks.values() for i in stack]
         at, on = contacts[group[0]].at, contacts[group[0]].on
         at = jnp.zeros(()) if at is None else at
-        own_ends = owned[group[0]][:2] if group[0] in owned else ends(line, at, on)
+        own_port = owned.get(group[0])
+        row, column = ends(line, at, on) if own_port is None else own_port[:2]
         laws = tuple(_stack([every[i] for i in stack]) for stack in stacks.values())
         places = tuple(int(k) for i in own for k in range(first[i], first[i + 1]))
-        ports.append(Port(*own_ends, at, laws, on=on, places=places))
+        ports.append(Port(row, column, at, laws, on=on, places=places))
         members += own
     races = [Race(line.row(b.at), line.column(b.at), b.at, b) for b in scene.of(AbstractBodies)]
     return System(
