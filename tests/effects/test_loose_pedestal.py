@@ -1,8 +1,10 @@
 """Loose pedestal: orbits, a flip, lift-off, by DOP853 and collocation of order 12, in um and ms."""
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from differences import central
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
@@ -146,6 +148,53 @@ def test_motion_against_scipy():
     end = jr.run_up(machine(300.0), np.linspace(0.0, 4e-3, 41), **how).end.shaft
     wanted = exact[:, -1] * [1e6, 1e6, 1e3, 1e3]
     np.testing.assert_allclose(vertical(end.q, end.velocity), wanted, rtol=0, atol=1e-4)
+
+
+FINE = {"solver": LOCATED, "steps_per_revolution": 512, "start": jr.AtRest()}
+NUMBERS = {
+    "loose_pedestal.mass": BODY,
+    "loose_pedestal.stiffness": K1,
+    "loose_pedestal.damping": C1,
+    "loose_pedestal.bolt_stiffness": K2,
+    "loose_pedestal.bolt_damping": C2,
+    "loose_pedestal.play": PLAY,
+    "loose_pedestal.angle": -np.pi / 2,
+    "spin.speed": 425.0,
+}
+
+
+@pytest.mark.slow
+def test_derivatives_of_a_motion():
+    """Through lift-off, bolts and touch-down."""
+    scene, values = machine(425.0), jnp.array(list(NUMBERS.values()))
+
+    @jax.jit
+    def push(values, along):
+        def own(values):
+            there = scene.replace(dict(zip(NUMBERS, values, strict=True)))
+            z = 1e6 * jr.simulate(there, 4, **FINE).displacement[-1, 0]
+            return jnp.stack([z.real, z.imag])
+
+        return jax.jvp(own, (values,), (along,))
+
+    for along in jnp.diag(values):
+        slopes = push(values, along)[1]
+        away = lambda k, along=along: push(values + k * 1e-5 * along, along)[0]
+        size = float(jnp.abs(slopes).max())
+        assert size > 1e-2
+        np.testing.assert_allclose(central(away, 1e-5), slopes, rtol=0, atol=1e-6 * size)
+
+
+@pytest.mark.long
+def test_lanes_are_runs():
+    scene = machine(425.0)
+    over = {"loose_pedestal.play": [PLAY, 2 * PLAY], "spin.speed": [425.0, 600.0]}
+    found = jr.sweep(scene, over, settle=3, keep=1, error_sample=0, **FINE)
+    for i, play in enumerate(over["loose_pedestal.play"]):
+        for j, speed in enumerate(over["spin.speed"]):
+            here = scene.replace({"loose_pedestal.play": play, "spin.speed": speed})
+            z = complex(jr.simulate(here, 4, **FINE).displacement[-1, 0])
+            np.testing.assert_allclose(found.section[i, j, -1], [z.real, z.imag], atol=1e-14)
 
 
 def test_reactions_are_refused():
