@@ -322,6 +322,41 @@ on = "pedestal"
 """
         + PEDESTAL
     ],
+    "loose_pedestal": [
+        """\
+[loose_pedestal]                   # under a bearing of the shaft
+name = "block"
+mass = "12 kg"
+stiffness = "5e7 N/m"              # of the foundation, which can only press
+damping = "8e3 N s/m"
+bolt_stiffness = "2e7 N/m"
+bolt_damping = "4e3 N s/m"
+play = "40 um"                     # lift until the bolts hold
+angle = "-90 deg"                  # to the foundation
+
+[[support]]                        # between shaft and pedestal
+at = "0.4 m"
+on = "block"
+stiffness = "8e6 N/m"
+"""
+    ],
+    "crack": [
+        """\
+[crack]                            # of a shaft whose stiffness at the station is 1e6 N/m
+at = "0.4 m"
+loss = "3e5 N/m"                   # of stiffness along the weak axis
+loss_across = "5e4 N/m"
+angle = "0 deg"                    # of the weak axis at the start
+tension = "-90 deg"                # the side below opens
+breathing = "switch"               # or "mayes", smoothly by the angle; "response"
+""",
+        """\
+[crack]                            # a hinge of a flexible shaft
+at = "0.4 m"
+compliance = "2e-6 rad/(N m)"      # jump of slope by the moment that opens it
+compliance_across = "5e-7 rad/(N m)"
+""",
+    ],
     "cubic_spring": [
         """\
 [cubic_spring]

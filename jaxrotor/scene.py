@@ -31,7 +31,10 @@ from .effects.base import (
     AbstractEffect,
     check_casing,
     check_casings,
+    check_hinges,
     check_yield,
+    count_held,
+    has_hinges,
 )
 from .shafts.cased import CasedLine
 from .shafts.line import NODES, AbstractLine, AbstractShaft, Attached
@@ -89,8 +92,11 @@ class Scene(eqx.Module):
                 "jax.grad and give it traced values with `scene.replace`."
             )
         self.spans = _spans(shaft, members, stations)
-        self.resolution = shaft.resolution(stations, self.spans, _count_held(members))
-        self.attached = shaft.attached(stations, _turned(members), self.resolution)
+        self.resolution = shaft.resolution(stations, self.spans, count_held(members))
+        if not has_hinges(members):
+            self.attached = shaft.attached(stations, _turned(members), self.resolution)
+        elif getattr(shaft, "nodes", None) == "auto":  # a kink needs them, and is in no mode
+            self.resolution = tuple(max(NODES, count) for count in self.resolution)
         warn_implausible(self.known_values())
 
     def line(self) -> AbstractLine:
@@ -375,7 +381,8 @@ def _spans(shaft, effects, stations: tuple[float, ...]) -> tuple[int, ...]:
         if (reason := shaft.reason_against(at)) is not None:
             raise ValueError(f"The {owner} at {at:g} m {reason}.")
     check_yield(shaft, effects)
-    return shaft.spans(stations)
+    check_hinges(shaft, effects, spans := shaft.spans(stations), stations)
+    return spans
 
 
 def with_shared_nodes(scene: Scene, paths: Iterable[str]) -> Scene:
@@ -386,12 +393,6 @@ def with_shared_nodes(scene: Scene, paths: Iterable[str]) -> Scene:
     decides = any(path.startswith("shaft.") or path.endswith(".at") for path in paths)
     varies = decides and getattr(scene.shaft, "nodes", None) == "auto"
     return scene.with_nodes(NODES) if varies else scene
-
-
-def _count_held(effects) -> int:
-    """Number of stations where effects hold the shaft, always or while in contact."""
-    held = (_station(effect) for effect in effects if effect.holds_shaft)
-    return len({float(at) for at in held if at is not None})
 
 
 def _addresses(scene: Scene) -> Mapping[str, list[Address]]:

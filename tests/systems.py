@@ -10,6 +10,7 @@ from jaxrotor import (
     Casing,
     ConstantSpeed,
     Constraint,
+    Crack,
     CubicSpring,
     Disc,
     DiscDamping,
@@ -20,6 +21,7 @@ from jaxrotor import (
     InternalDamping,
     JournalBearing,
     Limiter,
+    LoosePedestal,
     MasslessShaft,
     ModalDamping,
     RayleighDamping,
@@ -149,16 +151,23 @@ EFFECTS = [
         angular_damping=0.1,
     ),
 ]
-# What counts turns of the shaft, so that it has no motion by whole revolutions.
-TURNING = [RollingBearing(LENGTH, 7, 4e7, 1e-3, 0.04, 0.06, angle=0.3)]
+# What turns, so that the rotor has no constant coefficients, or even counts turns.
+TURNING = [
+    RollingBearing(LENGTH, 7, 4e7, 1e-3, 0.04, 0.06, angle=0.3),
+    Crack(LENGTH, 3e4, 1e4, angle=0.3),
+]
 HARMONIC = [HystereticDamping(0.01)]  # known for harmonic motions only
 ROLLING = [
     BallBalancer(LENGTH, 0.05, 0.06, 3.5, in_use=2.0, ball_radius=0.02, places=3),
     BallContact(1e5, 8.0),
 ]
-BESIDE = [Casing("pedestal", 3.0)]  # a mass beside the shaft, which a support has to hold
+BESIDE = [
+    Casing("pedestal", 3.0),
+    LoosePedestal("block", 3.0, 3e4, 9.0, 2e4),
+]  # a mass beside the shaft, which a support has to hold
 STRENGTHS = {
     "casing": (),  # its supports, see tests/effects/test_casing.py
+    "loose_pedestal": (),
     "disc": ("mass", "diametral", "polar"),
     "unbalance": ("eccentricity",),
     "gravity": ("acceleration",),
@@ -174,6 +183,7 @@ STRENGTHS = {
     "squeeze_film": ("viscosity",),
     "seal": ("stiffness", "damping", "inertia"),
     "rolling_bearing": ("stiffness",),
+    "crack": ("loss", "loss_across"),
     "support": (
         "stiffness",
         "damping",

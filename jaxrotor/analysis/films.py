@@ -23,6 +23,7 @@ from ..equations.stationary_frame import check_not_turning
 from ..equations.system import System, assemble
 from ..scene import Scene
 from ..shafts.cased import ends
+from .cracked import check_uncracked
 from .equilibrium import double, linear_part, of_each, parts_of, port_forces_at_rest, with_slopes
 from .rolling import RollingPositions, freeze_of, rolling_positions
 
@@ -221,7 +222,7 @@ def _under_load(film: AbstractFluid, load: Complex[Array, ""], speeds: Float[Arr
 
 
 def check_linear(scene: Scene, speeds: Any = None) -> None:
-    """Raise if a scene has films, whose coefficients linear analyses need, or tables lack a speed."""
+    """Raise if a scene has parts without linear coefficients, such as films, or tables lack a speed."""
     films = scene.of(AbstractFluid)
     if films:
         names = ", ".join(scene.name_of(film) for film in films)
@@ -237,6 +238,7 @@ def check_linear(scene: Scene, speeds: Any = None) -> None:
             f"Rolling bearings ({names}) are linear about a static position only; give this analysis "
             "`jaxrotor.linearized(scene)`."
         )
+    check_uncracked(scene)
     check_tables(scene, speeds)
 
 

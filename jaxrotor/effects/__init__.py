@@ -13,6 +13,7 @@ from .base import (
     AbstractLoad as AbstractLoad,
 )
 from .casing import Casing as Casing
+from .crack import Crack as Crack
 from .cubic_spring import CubicSpring as CubicSpring
 from .disc import Disc as Disc
 from .external_damping import DiscDamping as DiscDamping, ExternalDamping as ExternalDamping
@@ -22,6 +23,7 @@ from .internal_damping import InternalDamping as InternalDamping
 from .journal_bearing import JournalBearing as JournalBearing
 from .law import AbstractLaw as AbstractLaw, AbstractSmoothLaw as AbstractSmoothLaw, Now as Now
 from .limiter import Limiter as Limiter
+from .loose_pedestal import LoosePedestal as LoosePedestal
 from .modal_damping import ModalDamping as ModalDamping
 from .rayleigh_damping import RayleighDamping as RayleighDamping
 from .rolling_bearing import RollingBearing as RollingBearing

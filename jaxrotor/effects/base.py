@@ -5,7 +5,7 @@ columns of `AbstractLine`.
 """
 
 import abc
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, ClassVar, NamedTuple
 
 import equinox as eqx
@@ -29,6 +29,7 @@ class AbstractEffect(AbstractPart):
     holds_shaft: ClassVar[bool] = (
         False  # whether it holds the shaft at its station, always or in contact
     )
+    strains: ClassVar[bool] = False  # whether it damps the strain of the shaft
 
     @property
     def turns_section(self) -> bool:
@@ -135,6 +136,14 @@ class AbstractLoad(AbstractEffect):
         """Load of this effect; `blocks` are those of the whole scene, as weight depends on all masses."""
 
 
+class OwnPort(NamedTuple):
+    """Port of one contact: its law has `row q` as displacement, and `column F` enters the equations."""
+
+    row: Float[Array, " n"]
+    column: Float[Array, " r"]
+    law: AbstractLaw
+
+
 class AbstractContact(AbstractEffect):
     """Effect with a nonlinear law of displacement and velocity at a station.
 
@@ -157,6 +166,16 @@ class AbstractContact(AbstractEffect):
     @property
     def eccentric(self) -> Scalar | None:
         """Distance of its centre from the axis [m], of a law that is the same all round it; else None."""
+        return None
+
+    @property
+    def hinged(self) -> bool:
+        """Whether it is a hinge of a flexible shaft."""
+        return False
+
+    @property
+    def own_port(self) -> "Callable[[AbstractLine], OwnPort] | None":
+        """Its port on a line, where it reads and acts on other than its station; None: it does not."""
         return None
 
     @abc.abstractmethod
@@ -266,6 +285,12 @@ def check_casing(name: str, names: Sequence[str]) -> None:
 # === stations
 
 
+def count_held(effects: tuple[AbstractEffect, ...]) -> int:
+    """Number of stations where effects hold the shaft, always or while in contact."""
+    held = (getattr(effect, "at", None) for effect in effects if effect.holds_shaft)
+    return len({float(at) for at in held if at is not None})
+
+
 def check_yield(shaft: AbstractShaft, effects: tuple[AbstractEffect, ...]) -> None:
     """Raise if a support is where a constraint of the shaft holds the displacement it acts on."""
     pins = [one for one in getattr(shaft, "constraints", ()) if one.displacement]
@@ -280,3 +305,54 @@ def check_yield(shaft: AbstractShaft, effects: tuple[AbstractEffect, ...]) -> No
                     f"The {effect.kind} at {float(at):g} m has no effect, since a {pin.holds} of the "
                     "shaft holds the displacement there; leave one of both out."
                 )
+
+
+# === hinges
+
+
+def has_hinges(effects: tuple[AbstractEffect, ...]) -> bool:
+    """Whether an effect is a hinge of the shaft."""
+    return any(isinstance(one, AbstractContact) and one.hinged for one in effects)
+
+
+def check_hinges(
+    shaft: AbstractShaft,
+    effects: tuple[AbstractEffect, ...],
+    spans: Sequence[int],
+    stations: Sequence[float],
+) -> None:
+    """Raise unless spans between known `stations` [m] meet at every hinge, and nothing resists it."""
+    if not has_hinges(effects):
+        return
+    length, number, ends = float(shaft.length), [], [stations[k] for k in spans[1:-1]]
+    for effect in effects:
+        if not isinstance(effect, AbstractContact) or not effect.hinged:
+            continue
+        name = f"The {effect.kind} at {float(effect.at):g} m"
+        at = [k for k, end in enumerate(ends) if coincide(float(effect.at), end, length)]
+        if not at:
+            raise ValueError(
+                f"{name} bends the shaft, but no spans of it meet there; place it in a FlexibleShaft of "
+                "spectral rule, between its ends and off other parts by 0.2 % of its length or not at all."
+            )
+        number += at
+        for one in getattr(shaft, "constraints", ()):
+            if one.slope and coincide(float(one.at), float(effect.at), length):
+                raise ValueError(
+                    f"{name} is where a {one.holds} of the shaft holds its slope; move one of them."
+                )
+        if getattr(shaft, "anisotropy", None) is not None:
+            raise ValueError(f"{name} needs a round shaft; leave `shaft.anisotropy` out.")
+        for one in effects:
+            if one.strains:
+                raise ValueError(
+                    f"{name} has a jump of slope, which is no strain of the material, so the "
+                    f"{one.kind} would damp it wrongly; take ExternalDamping, ModalDamping or a "
+                    "DiscDamping in its place."
+                )
+    number.sort()
+    if any(after - one < 2 for one, after in zip(number, number[1:], strict=False)):
+        raise ValueError(
+            "Two hinges of the shaft, as by cracks with `compliance`, need another station between them; "
+            "put a Disc of zero mass there, or move one of them."
+        )

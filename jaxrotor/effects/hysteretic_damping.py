@@ -18,6 +18,7 @@ class HystereticDamping(AbstractLinear):
 
     kind: ClassVar[str] = "hysteretic_damping"
     plural: ClassVar[str] = "hysteretic_dampings"
+    strains: ClassVar[bool] = True
 
     loss_factor: Scalar = nonnegative("loss_factor [1]")
 

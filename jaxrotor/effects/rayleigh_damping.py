@@ -21,6 +21,7 @@ class RayleighDamping(AbstractDamping):
 
     kind: ClassVar[str] = "rayleigh_damping"
     plural: ClassVar[str] = "rayleigh_dampings"
+    strains: ClassVar[bool] = True
 
     mass: Scalar = nonnegative("mass [1/s]", default=0.0)
     stiffness: Scalar = nonnegative("stiffness [s]", default=0.0)

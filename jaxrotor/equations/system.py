@@ -179,7 +179,8 @@ def _assembled(scene: Scene, together: tuple[tuple[int, ...], ...]) -> System:
     parts = blocks_of_parts(scene, line)
     blocks = sum(parts.values(), Blocks())
     contacts = scene.of(AbstractContact)
-    every = [contact.law() for contact in contacts]
+    owned = {i: one.own_port(line) for i, one in enumerate(contacts) if one.own_port}
+    every = [owned[i].law if i in owned else one.law() for i, one in enumerate(contacts)]
     first = np.cumsum([0, *(len(law.states) for law in every)])
     ports, members = [], []
     for group in together:
@@ -188,9 +189,12 @@ def _assembled(scene: Scene, together: tuple[tuple[int, ...], ...]) -> System:
             stacks.setdefault(jax.tree.structure(every[i]), []).append(i)
         own = [i for stack in stacks.values() for i in stack]
         at, on = contacts[group[0]].at, contacts[group[0]].on
+        at = jnp.zeros(()) if at is None else at
+        own_port = owned.get(group[0])
+        row, column = ends(line, at, on) if own_port is None else own_port[:2]
         laws = tuple(_stack([every[i] for i in stack]) for stack in stacks.values())
         places = tuple(int(k) for i in own for k in range(first[i], first[i + 1]))
-        ports.append(Port(*ends(line, at, on), at, laws, on=on, places=places))
+        ports.append(Port(row, column, at, laws, on=on, places=places))
         members += own
     races = [Race(line.row(b.at), line.column(b.at), b.at, b) for b in scene.of(AbstractBodies)]
     return System(
@@ -290,6 +294,7 @@ def polar_inertia(scene: Scene) -> Scalar | None:
 def port_groups(scene: Scene) -> tuple[tuple[int, ...], ...]:
     """Groups of contacts of a scene that act at one station, on the same casing if any, and share a port.
 
+    What reads no displacement at its station, as a hinge, has a port of its own.
     Stations are the same if they are one traced value, or known and equal. Contacts with separately
     traced stations have ports of their own, so that a derivative by one station moves that contact alone.
     """
@@ -297,7 +302,8 @@ def port_groups(scene: Scene) -> tuple[tuple[int, ...], ...]:
     same = lambda a, b: a is b or known(a) and known(b) and float(a) == float(b)
     for i, contact in enumerate(scene.of(AbstractContact)):
         for first, group in groups:
-            if contact.on == first.on and same(contact.at, first.at):
+            alone = contact.own_port or first.own_port
+            if not alone and contact.on == first.on and same(contact.at, first.at):
                 group.append(i)
                 break
         else:

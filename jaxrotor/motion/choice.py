@@ -30,7 +30,7 @@ from ..spins.drive import Drive
 
 RIGID = 2  # coordinates, up to which balls and drives leave an explicit solver as quick
 ASKED = "as asked for"  # reasons of a choice
-STEEP = "since the force of a film has no bound, which takes steps with an error estimate"
+STEEP = "since a film, whose force has no bound, or a hinge takes steps with an error estimate"
 
 
 # === by whole revolutions

@@ -129,9 +129,17 @@ def reactions(response: TimeHistory) -> Reactions:
     Returns:
         `Reactions`, whose axis `k` has supports, then constraints, then contacts.
 
+    Raises:
+        ValueError: if a crack is a hinge of the shaft, or a pedestal is loose.
+
     Source: course project of `turbine-run-up`, Newton-Euler equations (9) with its errata.
     """
     scene = response.scene
+    if owners := [scene.name_of(one) for one in scene.of(AbstractContact) if one.own_port]:
+        raise ValueError(
+            f"Reactions are those of forces at stations of the shaft, but {', '.join(owners)} acts "
+            "otherwise; leave it out, or take the `loss` of a crack in place of its `compliance`."
+        )
     instants = response.instants
     force, moment, static, static_moment, constraints = _all(scene, assemble(scene), instants)
     names = [scene.name_of(effect) for effect in scene.of(Support)]

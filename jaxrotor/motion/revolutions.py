@@ -213,7 +213,7 @@ class March(AbstractMarch):
         now = Now(self.system.spin.speed, angle)
         return contact_forces(self.system, samples, now, cast(Any, Now)(None, 0))
 
-    def _grid(self) -> Float[Array, " T"]:
+    def _grid(self) -> Float[Array, "T ..."]:
         return jnp.linspace(0.0, self.span, self.plan.steps + 1)
 
     def _step(self, y: Array, *, sample: bool) -> tuple[Array, Any, Outcome]:

@@ -130,7 +130,11 @@ class AbstractSpectralLine(AbstractLine):
         """`Int row per_length ds`."""
 
     @abc.abstractmethod
-    def _deflection(self, force: Array) -> Array:
+    def energy_in(self, share: Float[Array, " spans"]) -> Float[Array, "n n"]:
+        """`energy` with a share of that of every span."""
+
+    @abc.abstractmethod
+    def deflection(self, force: Array) -> Array:
         """Terms in the equations of generalized forces, which are `row(x) F` for a force `F` at `x`."""
 
     @property
@@ -168,15 +172,15 @@ class AbstractSpectralLine(AbstractLine):
         return jnp.diff(self.ends)
 
     def term(self, at: Scalar, derivative: int) -> Float[Array, " n"]:
-        return self._deflection(self.form(at, derivative))
+        return self.deflection(self.form(at, derivative))
 
     @eqx.filter_jit
     def along(self, per_length: PerLength, derivative: int) -> Float[Array, "n n"]:
-        return self._deflection(self.work_along(per_length, derivative))
+        return self.deflection(self.work_along(per_length, derivative))
 
     @eqx.filter_jit
     def load_along(self, per_length: PerLength) -> Float[Array, " n"]:
-        return self._deflection(self.work_of_load(per_length))
+        return self.deflection(self.work_of_load(per_length))
 
 
 def gauss_points(breaks: Float[Array, " breaks"]) -> tuple[Array, Array]:

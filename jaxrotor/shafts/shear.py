@@ -39,7 +39,7 @@ class ShearLine(AbstractSpectralLine):
 
     def restoring(self, bending: bool) -> Float[Array, "n n"]:
         if bending:
-            return self._deflection(self.energy(bending))
+            return self.deflection(self.energy(bending))
         unit = jnp.eye(self._unconstrained.size)
         rigid = self.rigid_motions
         if rigid is None:
@@ -51,8 +51,16 @@ class ShearLine(AbstractSpectralLine):
         bent = self._integral(self.bending, curvature)
         if bending:
             return bent
-        angle = self._at_gauss(0, 1) - self._at_gauss(1, 0) / self.ends[-1]
-        return bent + self._integral(self.shear, angle)
+        return bent + self._integral(self.shear, self._angle)
+
+    def energy_in(self, share: Float[Array, " spans"]) -> Float[Array, "n n"]:
+        bent = self._integral(share * self.bending, self._at_gauss(1, 1) / self.ends[-1])
+        return bent + self._integral(share * self.shear, self._angle)
+
+    @property
+    def _angle(self) -> Array:
+        """Shear angle at the Gauss points of every span."""
+        return self._at_gauss(0, 1) - self._at_gauss(1, 0) / self.ends[-1]
 
     @eqx.filter_jit
     def form(self, at: Scalar, derivative: int) -> Float[Array, " n"]:
@@ -76,7 +84,7 @@ class ShearLine(AbstractSpectralLine):
     # --- energy
 
     @eqx.filter_jit
-    def _deflection(self, force: Array) -> Array:
+    def deflection(self, force: Array) -> Array:
         return linalg.solve(self._supported_energy, force)
 
     @property

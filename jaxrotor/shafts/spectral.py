@@ -61,6 +61,9 @@ class SpectralLine(AbstractSpectralLine, AbstractUnshearedLine):
         del bending
         return self._integral(self._rigidity, 2)
 
+    def energy_in(self, share: Float[Array, " spans"]) -> Float[Array, "n n"]:
+        return self._integral(share * self._rigidity, 2)
+
     @eqx.filter_jit
     def form(self, at: Scalar, derivative: int) -> Float[Array, " n"]:
         span = jnp.sum(self.ends[1:-1] < at)
@@ -83,7 +86,7 @@ class SpectralLine(AbstractSpectralLine, AbstractUnshearedLine):
     # --- energy
 
     @eqx.filter_jit
-    def _deflection(self, force: Array) -> Array:
+    def deflection(self, force: Array) -> Array:
         deflection, kernel, motions = self.flexibility @ force, self.kernel, self.rigid_motions
         if motions is not None:
             assert isinstance(kernel, HeldKernel)

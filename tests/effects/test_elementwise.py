@@ -34,6 +34,9 @@ LAWS = {
     "blended rolling bearing": jr.RollingBearing(0.5, **ROLLING, exponent=1.2, blend=1e-6).law(),
     "seal": jr.Seal(0.5, **SEAL, offset=1e-5, angle=0.4).law(),
     "plain seal": jr.Seal(0.5, 4e-4, 6e5, 1800.0, 0.46).law(),
+    "crack": jr.Crack(0.5, 3e5, 1e5, angle=0.3).law(),
+    "crack by switch": jr.Crack(0.5, 3e5, 1e5, angle=0.3, breathing="switch").law(),
+    "crack by response": jr.Crack(0.5, 3e5, angle=2.0, breathing="response").law(),
     "unequal bearing": DeviatorLaw(jnp.array([2e6, 3e5]), jnp.array([40.0, 7.0])),
 }
 

@@ -22,10 +22,12 @@ from jaxrotor import (
     Casing,
     ConstantSpeed,
     Constraint,
+    Crack,
     Disc,
     Drive,
     FlexibleShaft,
     Limiter,
+    LoosePedestal,
     Material,
     RigidShaft,
     RollingBearing,
@@ -52,6 +54,7 @@ NAMES = ["limiter-rotor", "limiter-rotor-2023"]
 OTHERS = [
     "ball-balancer",
     "ball-balancer-light",
+    "cracked-rotor",
     "dual-stiffness-elastic",
     "dual-stiffness-rigid",
     "dual-stiffness-rotating",
@@ -283,6 +286,7 @@ ANOTHER_WAY = {  # fields of the second way to give a part, which the scene belo
         "frequencies",
     ],
     Unbalance: ["moment"],
+    Crack: ["compliance", "compliance_across"],
 }
 
 
@@ -294,7 +298,11 @@ def every_effect() -> Scene:
         if cls is Casing:
             members.append(Casing("pedestal", rng.random() / 3))
             continue
+        if cls is LoosePedestal:
+            members.append(LoosePedestal("block", *(rng.random() / 3 for _ in range(7))))
+            continue
         if cls is Support:
+            members.append(Support(at=1 / 9, on="block", kxx=1 / 11))
             members.append(Support(of="pedestal", kxx=1 / 3, kyy=1 / 7, cxx=0.0, cyy=1 / 9))
         for _ in range(rng.choice([1, 2])):
             names = [f.name for f in dataclasses.fields(cls) if not f.metadata.get("static")]
@@ -875,7 +883,7 @@ def study_of(text):
             "[disc]",
             "[disk]",
             "disk is not a part of a scene (did you mean `[disc]`?); it has: title, assumption, "
-            "shaft, annular_stator, ball_balancer, ball_contact, casing, cubic_spring, disc, ",
+            "shaft, annular_stator, ball_balancer, ball_contact, casing, crack, cubic_spring, disc, ",
         ),
         (
             "[disc]",
