@@ -117,6 +117,7 @@ from .effects import (
     InternalDamping as InternalDamping,
     JournalBearing as JournalBearing,
     Limiter as Limiter,
+    MagneticBearing as MagneticBearing,
     ModalDamping as ModalDamping,
     RayleighDamping as RayleighDamping,
     RollingBearing as RollingBearing,

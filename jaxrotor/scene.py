@@ -374,6 +374,13 @@ def _spans(shaft, effects, stations: tuple[float, ...]) -> tuple[int, ...]:
     for owner, at in zip(owners, stations, strict=True):
         if (reason := shaft.reason_against(at)) is not None:
             raise ValueError(f"The {owner} at {at:g} m {reason}.")
+    for effect in effects:
+        sensor = getattr(effect, "sensor", None)
+        reason = None
+        if sensor is not None and known(sensor):
+            reason = shaft.reason_against(float(sensor))
+        if reason is not None:
+            raise ValueError(f"The sensor of a {effect.kind} at {float(sensor):g} m {reason}.")
     check_yield(shaft, effects)
     return shaft.spans(stations)
 

@@ -22,6 +22,7 @@ from .internal_damping import InternalDamping as InternalDamping
 from .journal_bearing import JournalBearing as JournalBearing
 from .law import AbstractLaw as AbstractLaw, AbstractSmoothLaw as AbstractSmoothLaw, Now as Now
 from .limiter import Limiter as Limiter
+from .magnetic_bearing import MagneticBearing as MagneticBearing
 from .modal_damping import ModalDamping as ModalDamping
 from .rayleigh_damping import RayleighDamping as RayleighDamping
 from .rolling_bearing import RollingBearing as RollingBearing
