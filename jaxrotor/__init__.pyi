@@ -117,6 +117,7 @@ from .effects import (
     InternalDamping as InternalDamping,
     JournalBearing as JournalBearing,
     Limiter as Limiter,
+    LinearMagneticBearing as LinearMagneticBearing,
     MagneticBearing as MagneticBearing,
     ModalDamping as ModalDamping,
     RayleighDamping as RayleighDamping,

@@ -27,6 +27,7 @@ from .core.representation import number_text
 from .core.tables import notebook_table
 from .effects.base import (
     AbstractCasing,
+    AbstractOwnCoordinates,
     AbstractContact,
     AbstractEffect,
     check_casing,
@@ -94,13 +95,18 @@ class Scene(eqx.Module):
         warn_implausible(self.known_values())
 
     def line(self) -> AbstractLine:
-        """The elastic line of the shaft, and of the casings beside it if there are any."""
+        """The elastic line of the shaft, and of the coordinates beside it if there are any."""
         stations = _stations(self.shaft, self.effects)
         line = self.shaft.line(stations, self.spans, self.resolution, self.attached)
-        casings = tuple(casing.name for casing in self.of(AbstractCasing))
-        if not casings:
+        if not self.beside:
             return line
-        return CasedLine(line=line, casings=casings, anisotropy=line.anisotropy)
+        return CasedLine(line=line, names=self.beside, anisotropy=line.anisotropy)
+
+    @property
+    def beside(self) -> tuple[str, ...]:
+        """Names of the coordinates beside the shaft: those that effects have of their own, then casings."""
+        own = [name for effect in self.of(AbstractOwnCoordinates) for name in effect.own]
+        return *own, *(casing.name for casing in self.of(AbstractCasing))
 
     def stations(self, at: Any = None) -> Float[Array, " s"]:
         """Stations to observe [m].

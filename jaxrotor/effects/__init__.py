@@ -11,6 +11,7 @@ from .base import (
     AbstractEffect as AbstractEffect,
     AbstractLinear as AbstractLinear,
     AbstractLoad as AbstractLoad,
+    AbstractOwnCoordinates as AbstractOwnCoordinates,
 )
 from .casing import Casing as Casing
 from .cubic_spring import CubicSpring as CubicSpring
@@ -22,6 +23,7 @@ from .internal_damping import InternalDamping as InternalDamping
 from .journal_bearing import JournalBearing as JournalBearing
 from .law import AbstractLaw as AbstractLaw, AbstractSmoothLaw as AbstractSmoothLaw, Now as Now
 from .limiter import Limiter as Limiter
+from .linear_magnetic_bearing import LinearMagneticBearing as LinearMagneticBearing
 from .magnetic_bearing import MagneticBearing as MagneticBearing
 from .modal_damping import ModalDamping as ModalDamping
 from .rayleigh_damping import RayleighDamping as RayleighDamping

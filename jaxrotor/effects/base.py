@@ -219,6 +219,20 @@ class AbstractCasing(AbstractEffect):
     name: eqx.AbstractVar[str]
 
 
+class AbstractOwnCoordinates(AbstractLinear):
+    """Linear effect with coordinates of its own, of first order: they have damping and no mass.
+
+    `row_of(line, name)` reads one, and `column_of(line, name)` is the term of its equation.
+    """
+
+    name: eqx.AbstractVar[str]  # which no other such effect of a scene has
+
+    @property
+    @abc.abstractmethod
+    def own(self) -> tuple[str, ...]:
+        """Names of its coordinates, each beginning with its own name."""
+
+
 class AbstractBetween(AbstractEffect):
     """Effect that acts between the bodies of a race."""
 
@@ -240,7 +254,17 @@ class AbstractBetween(AbstractEffect):
 
 
 def check_casings(effects: tuple[AbstractEffect, ...]) -> None:
-    """Raise unless casings have names of their own, and each is held by a part that names it."""
+    """Raise unless casings have names of their own, and each is held by a part that names it.
+
+    Effects with coordinates of their own have names of their own, too.
+    """
+    owners = [effect for effect in effects if isinstance(effect, AbstractOwnCoordinates)]
+    for effect in owners:
+        if sum(other.name == effect.name for other in owners) > 1:
+            raise ValueError(
+                f"Two parts with coordinates of their own have the name {effect.name!r}; give each "
+                f"{effect.kind} a `name` of its own."
+            )
     names = [effect.name for effect in effects if isinstance(effect, AbstractCasing)]
     for name in names:
         if names.count(name) > 1:

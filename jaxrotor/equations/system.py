@@ -17,6 +17,7 @@ from ..effects.base import (
     AbstractBetween,
     AbstractBodies,
     AbstractContact,
+    AbstractOwnCoordinates,
     AbstractUnequal,
 )
 from ..effects.law import AbstractLaw, Now, States
@@ -269,7 +270,7 @@ def has_massless(scene: Scene, system: System | None = None) -> bool | None:
     with inertia has none.
     """
     if scene.shaft.has_mass:
-        return False
+        return bool(scene.of(AbstractOwnCoordinates))
     system = assemble(scene) if system is None else system
     inertia = system.blocks.inertia
     if not system.n:  # a rigid axis held fast, which rotates only
