@@ -22,6 +22,7 @@ from .analysis import (
     Grade as Grade,
     HarmonicForce as HarmonicForce,
     HarmonicResponse as HarmonicResponse,
+    MagneticPositions as MagneticPositions,
     Margins as Margins,
     MassProperties as MassProperties,
     Modes as Modes,

@@ -27,9 +27,9 @@ from .core.representation import number_text
 from .core.tables import notebook_table
 from .effects.base import (
     AbstractCasing,
-    AbstractOwnCoordinates,
     AbstractContact,
     AbstractEffect,
+    AbstractOwnCoordinates,
     check_casing,
     check_casings,
     check_yield,
@@ -104,7 +104,7 @@ class Scene(eqx.Module):
 
     @property
     def beside(self) -> tuple[str, ...]:
-        """Names of the coordinates beside the shaft: those that effects have of their own, then casings."""
+        """Names of the coordinates beside the shaft: own ones of effects, then those of casings."""
         own = [name for effect in self.of(AbstractOwnCoordinates) for name in effect.own]
         return *own, *(casing.name for casing in self.of(AbstractCasing))
 

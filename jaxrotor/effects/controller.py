@@ -89,7 +89,9 @@ def check_controller(bearing: Any, least: Scalar | None) -> None:
             "A magnetic bearing needs a controller; give `kp [A/m]`, or `numerator` and `denominator`."
         )
     if bearing.filter is not None and bearing.kd is None:
-        raise ValueError("`filter [s]` is that of `kd [A s/m]`, which is absent; give both or neither.")
+        raise ValueError(
+            "`filter [s]` is that of `kd [A s/m]`, which is absent; give both or neither."
+        )
     if known(bearing.kp) and known(least) and least is not None and bearing.kp <= least:
         raise ValueError(
             f"`kp [A/m]` must be above {float(least):g}, the negative stiffness over the force per ampere, "

@@ -65,7 +65,9 @@ class Port(eqx.Module):
         They follow given `branches`, also beyond their ends; None: those of the motion.
         """
         call = lambda law, now, force, *branch: _as_states(
-            law, "rates", law.rates(force, displacement, velocity, now._replace(branch=_only(branch)))
+            law,
+            "rates",
+            law.rates(force, displacement, velocity, now._replace(branch=_only(branch))),
         )
         parts = zip(self._stacks(now), self._of_stacks(forces), strict=True)
         found = [jnp.zeros((0, *forces.shape[2:]))]
