@@ -62,6 +62,7 @@ from .reduction import (
     reduction as reduction,
 )
 from .rolling import RollingPositions as RollingPositions
+from .sensitivity import Sensitivity as Sensitivity, sensitivity as sensitivity
 from .settling import Settled as Settled, settled as settled
 from .stability import (
     Onset as Onset,

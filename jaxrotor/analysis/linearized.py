@@ -43,10 +43,10 @@ def static_positions(
         ones, with first derivatives by all parameters.
 
     Raises:
-        ValueError: if the scene has no such bearing, or several kinds, has unequal axes that turn,
-            or no static position was found, as at rest, where a film bears nothing and a Support must, or
-            in a rolling bearing without a load, or of one ball under load; or its `linear` is None; or in a
-        magnetic bearing in saturation.
+        ValueError: if the scene has no such bearing, or several kinds, has unequal axes that turn, or no
+            static position was found, as at rest, where a film bears nothing and a Support must, in a
+            rolling bearing without a load, or of one ball under load, or in a magnetic bearing in
+            saturation; or `linear` of a rolling bearing is None.
     """
     speeds = jnp.atleast_1d(jnp.asarray(scene.spin.speed if speeds is None else speeds, float))
     kind = _kind_of(scene)
@@ -75,8 +75,8 @@ def _kind_of(scene: Scene) -> type:
         )
     if len(kinds) > 1:
         raise ValueError(
-            "Static positions are those of oil films, of rolling bearings or of magnetic bearings, but the "
-            "scene has more than one kind; put a linear part in place of the others, or simulate it in "
+            "Static positions are those of oil films, of rolling bearings or of magnetic bearings, but "
+            "the scene has more than one kind; put a Support in place of the others, or simulate it in "
             "time."
         )
     return kinds[0]
@@ -85,8 +85,10 @@ def _kind_of(scene: Scene) -> type:
 def linearized(scene: Scene, speeds: Any = None) -> Scene:
     """The scene with a linear part in place of each film, rolling or magnetic bearing.
 
-    It is a `Support`, or a `LinearMagneticBearing` with the same controller. Its coefficients are those about the static position: at the speed of the scene, or tables over
-    `speeds`, between which they are interpolated (see `Support`) and outside of which they are refused.
+    It is a `Support`, or a `LinearMagneticBearing` with the same controller. Its coefficients are those
+    about the static position: at the speed of the scene, or tables over `speeds`, between which they are
+    interpolated (see `Support`) and outside of which they are refused. Those of magnetic bearings are the
+    same at any speed.
 
     Args:
         scene: a rotor as of `static_positions`.

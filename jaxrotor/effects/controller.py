@@ -94,8 +94,8 @@ def check_controller(bearing: Any, least: Scalar | None) -> None:
         )
     if known(bearing.kp) and known(least) and least is not None and bearing.kp <= least:
         raise ValueError(
-            f"`kp [A/m]` must be above {float(least):g}, the negative stiffness over the force per ampere, "
-            f"or the bearing pushes the shaft away, but is {float(bearing.kp):g}."
+            f"`kp [A/m]` must be above {float(least):g}, the negative stiffness over the force per "
+            f"ampere, or the shaft is pulled to a coil, but is {float(bearing.kp):g}."
         )
 
 
@@ -103,8 +103,8 @@ def _check_fraction(numerator: Sequence | Any, denominator: Sequence | Any) -> N
     """Raise unless a transfer function has a bounded gain at high frequencies."""
     if numerator.size > denominator.size:
         raise ValueError(
-            f"`numerator` must not be of a higher degree than `denominator`, but is of {numerator.size - 1} "
-            f"and {denominator.size - 1}; add a pole, such as that of a filter."
+            "`numerator` must not be of a higher degree than `denominator`, but they are of "
+            f"{numerator.size - 1} and {denominator.size - 1}; add a pole, such as that of a filter."
         )
     if known(denominator) and denominator[0] == 0:
         raise ValueError("`denominator` begins with its highest power, which must not be 0.")
