@@ -118,8 +118,8 @@ def sensitivity(scene: Scene, frequencies: Any = None) -> Sensitivity:
     check_axes(system, "There are no frequency responses", "leave one kind out")
     if frame(system.blocks) == "rotating":
         raise ValueError(
-            f"Axes of {unequal_parts(system, 'rotating')} turn with the shaft, so loops have no response at "
-            "a single frequency; leave them equal."
+            f"Axes of {unequal_parts(system, 'rotating')} turn with the shaft, so loops have no response "
+            "at a single frequency; leave them equal."
         )
     names = tuple(f"{bearing.name} {axis}" for bearing in bearings for axis in ("first", "second"))
     return Sensitivity(*_sensitivities(system, bearings, _checked(frequencies)), loops=names)

@@ -185,7 +185,7 @@ class MagneticLaw(AbstractLaw):
             return jnp.zeros(0)
         return (2 * branch - 1) * self._beyond(displacement, velocity, now, self.limit)
 
-    def _beyond(self, displacement: Plane, velocity: Plane, now: Now, limit: Scalar) -> Branch:
+    def _beyond(self, displacement: Plane, velocity: Plane, now: Now, limit: Number) -> Branch:
         """How far the wanted currents are above the limit, then how far below the negative one [A]."""
         place, speed, x = self._read(displacement, velocity, now)
         wanted = self.controller.command(x, place, speed)

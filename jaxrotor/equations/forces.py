@@ -49,7 +49,7 @@ def applied_force(load: Load, now: Kinematics) -> Array:
 # === contacts
 
 
-Contacts = list[Float[Array, "k 2"]]  # force of every law of every port, in fixed axes [N]
+Contacts = list[Float[Array, "_ 2"]]  # force of every law of every port, in fixed axes [N]
 
 
 def contacts_of(system: System, now: Kinematics) -> Contacts:
