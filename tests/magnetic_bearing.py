@@ -35,3 +35,20 @@ def launch(z=0.0, velocity=0.0, states=None):
     """Start from a complex place [um] and velocity [um/ms], and states [A]."""
     q, v = jnp.array([1e-6 * z + 0j]), jnp.array([1e-3 * velocity + 0j])
     return jr.Launch(jr.Continued(q, v), states=states)
+
+
+def free_shaft(sensor, other=None, nodes="auto"):
+    """Free steel shaft of a metre in two linear bearings about their centres, without rotary inertia.
+
+    Sensors are at `sensor` from the left end, and at `other`, by default the same, from the right one.
+    """
+    current, gains = 1.5, {"kp": 7000.0, "ki": 2e5, "kd": 10.0, "filter": FILTER, "lag": LAG}
+    factors = 4 * CONSTANT * current / GAP**2, 4 * CONSTANT * current**2 / GAP**3
+    right = 1.0 - (sensor if other is None else other)
+    bearings = [
+        jr.LinearMagneticBearing(at, *factors, **gains, sensor=seen, name=name)
+        for at, seen, name in ((0.1, sensor, "left"), (0.9, right, "right"))
+    ]
+    steel = jr.Material(2.1e11, 7850.0)
+    shaft = jr.FlexibleShaft(1.0, 0.04, steel, rotary_inertia=False, nodes=nodes)
+    return jr.Scene(shaft, *bearings, spin=jr.ConstantSpeed(0.0))

@@ -92,7 +92,12 @@ def check_controller(bearing: Any, least: Scalar | None) -> None:
         raise ValueError(
             "`filter [s]` is that of `kd [A s/m]`, which is absent; give both or neither."
         )
-    if known(bearing.kp) and known(least) and least is not None and bearing.kp <= least:
+    if (
+        known(bearing.kp)
+        and known(least)
+        and least is not None
+        and float(bearing.kp) <= float(least)
+    ):
         raise ValueError(
             f"`kp [A/m]` must be above {float(least):g}, the negative stiffness over the force per "
             f"ampere, or the shaft is pulled to a coil, but is {float(bearing.kp):g}."

@@ -60,7 +60,7 @@ class MagneticBearing(AbstractContact):
         check_controller(self, self.bias / self.gap)
         if self.limit is None or not (known(self.limit) and known(self.bias)):
             return
-        if self.limit > self.bias:
+        if float(self.limit) > float(self.bias):
             raise ValueError(
                 f"`limit [A]` must not be above the `bias [A]`, {float(self.bias):g}, since the coil that "
                 f"lets go would then pull again, but is {float(self.limit):g}."

@@ -225,7 +225,8 @@ def test_derivatives_by_every_number():
     for k, value in enumerate(np.asarray(values)):
         unit = jnp.eye(len(values))[k]
         _, slope = jax.jvp(end, (values,), (unit,))
-        expected = central(lambda n, k=k: end(values.at[k].add(1e-5 * n * value)), 1e-5 * value)
+        step = 1e-5 * value
+        expected = central(lambda n, k=k, h=step: end(values.at[k].add(n * h)), step)
         np.testing.assert_allclose(slope, expected, rtol=0, atol=2e-6 * np.abs(slope).max())
 
 
