@@ -29,10 +29,11 @@ from .effects.base import (
     AbstractCasing,
     AbstractContact,
     AbstractEffect,
-    AbstractOwnCoordinates,
     check_casing,
     check_casings,
+    check_sensors,
     check_yield,
+    names_beside,
 )
 from .shafts.cased import CasedLine
 from .shafts.line import NODES, AbstractLine, AbstractShaft, Attached
@@ -98,15 +99,8 @@ class Scene(eqx.Module):
         """The elastic line of the shaft, and of the coordinates beside it if there are any."""
         stations = _stations(self.shaft, self.effects)
         line = self.shaft.line(stations, self.spans, self.resolution, self.attached)
-        if not self.beside:
-            return line
-        return CasedLine(line=line, names=self.beside, anisotropy=line.anisotropy)
-
-    @property
-    def beside(self) -> tuple[str, ...]:
-        """Names of the coordinates beside the shaft: own ones of effects, then those of casings."""
-        own = [name for effect in self.of(AbstractOwnCoordinates) for name in effect.own]
-        return *own, *(casing.name for casing in self.of(AbstractCasing))
+        beside = names_beside(self.effects)
+        return CasedLine(line, beside, line.anisotropy) if beside else line
 
     def stations(self, at: Any = None) -> Float[Array, " s"]:
         """Stations to observe [m].
@@ -380,13 +374,7 @@ def _spans(shaft, effects, stations: tuple[float, ...]) -> tuple[int, ...]:
     for owner, at in zip(owners, stations, strict=True):
         if (reason := shaft.reason_against(at)) is not None:
             raise ValueError(f"The {owner} at {at:g} m {reason}.")
-    for effect in effects:
-        sensor = getattr(effect, "sensor", None)
-        reason = None
-        if sensor is not None and known(sensor):
-            reason = shaft.reason_against(float(sensor))
-        if reason is not None:
-            raise ValueError(f"The sensor of a {effect.kind} at {float(sensor):g} m {reason}.")
+    check_sensors(shaft, effects)
     check_yield(shaft, effects)
     return shaft.spans(stations)
 

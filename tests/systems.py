@@ -20,6 +20,8 @@ from jaxrotor import (
     InternalDamping,
     JournalBearing,
     Limiter,
+    LinearMagneticBearing,
+    MagneticBearing,
     MasslessShaft,
     ModalDamping,
     RayleighDamping,
@@ -146,9 +148,13 @@ EFFECTS = [
         angular_stiffness=500.0,
         angular_damping=0.1,
     ),
+    LinearMagneticBearing(LENGTH, 40.0, 3e3, kp=300.0, kd=0.2),
 ]
-# What counts turns of the shaft, so that it has no motion by whole revolutions.
-TURNING = [RollingBearing(LENGTH, 7, 4e7, 1e-3, 0.04, 0.06, angle=0.3)]
+# What counts turns of the shaft, or may have states, so that it has no motion by whole revolutions.
+TURNING = [
+    RollingBearing(LENGTH, 7, 4e7, 1e-3, 0.04, 0.06, angle=0.3),
+    MagneticBearing(LENGTH, 3.0, 2.0, 0.1, kp=400.0, kd=1.0),
+]
 HARMONIC = [HystereticDamping(0.01)]  # known for harmonic motions only
 ROLLING = [
     BallBalancer(LENGTH, 0.05, 0.06, 3.5, in_use=2.0, ball_radius=0.02, places=3),
@@ -171,6 +177,8 @@ STRENGTHS = {
     "journal_bearing": ("viscosity",),
     "squeeze_film": ("viscosity",),
     "rolling_bearing": ("stiffness",),
+    "magnetic_bearing": ("constant",),
+    "linear_magnetic_bearing": ("current_factor", "position_factor"),
     "support": (
         "stiffness",
         "damping",

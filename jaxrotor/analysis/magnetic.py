@@ -168,7 +168,7 @@ class _Rest(eqx.Module):
 def _at_rest(
     system: System, bearings: tuple[MagneticBearing, ...], first: tuple[int, ...]
 ) -> tuple[tuple[Array, ...], Array]:
-    """What `MagneticPositions` has of every bearing, and whether a position was found.
+    """Fields of `MagneticPositions`, and whether a position was found.
 
     `first` are the places of their first states.
     """
@@ -189,7 +189,7 @@ def _at_rest(
 
 
 def _of_bearing(law: MagneticLaw, place: Array, now: Now) -> tuple[Array, ...]:
-    """What `MagneticPositions` has of one bearing."""
+    """Fields of `MagneticPositions` of one bearing."""
     still, along = jnp.zeros(2), law.turned(place, 1.0)
     current, one = law.current(place, still, now), jnp.ones(2)
     _, by_place = jax.jvp(lambda x: law.pull(x, current), (along,), (one,))

@@ -187,7 +187,7 @@ def _entries(system: System, bearing: LinearMagneticBearing) -> tuple[Array, Arr
 def _sensitivities(
     system: System, bearings: tuple[LinearMagneticBearing, ...], frequencies: Array | None
 ) -> tuple[Array, ...]:
-    """What `Sensitivity` has of all loops."""
+    """Fields of `Sensitivity`."""
     loops = _Loops.of(system, bearings)
     roots = jax.lax.stop_gradient(eigenvalues(Pencil.of(system)))
     finite = jnp.isfinite(roots)

@@ -14,7 +14,7 @@ from jaxtyping import Array, ArrayLike, Float
 
 from ..core.blocks import Blocks, Load
 from ..core.checks import suggest
-from ..core.quantities import Scalar, Series
+from ..core.quantities import Scalar, Series, known
 from ..core.representation import AbstractPart
 from ..shafts.line import AbstractLine, AbstractShaft
 from ..shafts.massless import coincide
@@ -146,6 +146,7 @@ class AbstractContact(AbstractEffect):
 
     holds_shaft: ClassVar[bool] = True
     rebounds: ClassVar[bool] = False  # whether the shaft rebounds from it, as from a stop
+    walled: ClassVar[bool] = False  # whether it has no force at a wall to which the shaft may come
 
     at: eqx.AbstractVar[Scalar]
     angle: eqx.AbstractVar[Scalar]  # direction from the axis to the contact [rad]
@@ -281,6 +282,12 @@ def check_casings(effects: tuple[AbstractEffect, ...]) -> None:
             )
 
 
+def names_beside(effects: tuple[AbstractEffect, ...]) -> tuple[str, ...]:
+    """Names of the coordinates beside the shaft: own ones of effects, then those of casings."""
+    own = [name for one in effects if isinstance(one, AbstractOwnCoordinates) for name in one.own]
+    return *own, *(one.name for one in effects if isinstance(one, AbstractCasing))
+
+
 def check_casing(name: str, names: Sequence[str]) -> None:
     """Raise unless a casing has a name."""
     if name not in names:
@@ -289,6 +296,16 @@ def check_casing(name: str, names: Sequence[str]) -> None:
 
 
 # === stations
+
+
+def check_sensors(shaft: AbstractShaft, effects: tuple[AbstractEffect, ...]) -> None:
+    """Raise if a sensor is where nothing can be placed on the shaft."""
+    for effect in effects:
+        sensor = getattr(effect, "sensor", None)
+        if sensor is None or not (known(sensor) and known(shaft.length)):
+            continue
+        if (reason := shaft.reason_against(float(sensor))) is not None:
+            raise ValueError(f"The sensor of a {effect.kind} at {float(sensor):g} m {reason}.")
 
 
 def check_yield(shaft: AbstractShaft, effects: tuple[AbstractEffect, ...]) -> None:

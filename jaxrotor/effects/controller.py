@@ -46,7 +46,9 @@ class Controller(eqx.Module):
 
     def command(self, x: Float[Array, "m 2 ..."], place: Plane, velocity: Plane) -> Plane:
         """Wanted current `u` of both axes [A]."""
-        found = self.d * place + jnp.sum(self.c[:, None] * x, axis=0)
+        found = self.d * place
+        if self.names:
+            found = found + jnp.sum(self.c[:, None] * x, axis=0)
         return -(found if self.g is None else found + self.g * velocity)
 
     def rates(self, x: Float[Array, "m 2 ..."], place: Plane) -> Float[Array, "m 2 ..."]:

@@ -17,6 +17,8 @@ SERIES = 0.1  # below this `t - arctan t` is summed as a series
 class AbstractFilm(AbstractContact):
     """Oil film around a journal, which acts always and has no stiffness but about a static position."""
 
+    walled: ClassVar[bool] = True
+
     turning: eqx.AbstractClassVar[bool]  # whether the journal rotates in the film
 
     viscosity: eqx.AbstractVar[Scalar]  # mu [Pa s]

@@ -38,6 +38,7 @@ class MagneticBearing(AbstractContact):
 
     kind: ClassVar[str] = "magnetic_bearing"
     plural: ClassVar[str] = "magnetic_bearings"
+    walled: ClassVar[bool] = True
 
     at: Scalar = nonnegative("at [m]")
     constant: Scalar = nonnegative("constant [N m^2/A^2]")  # of a pair of coils [N m^2/A^2]

@@ -24,6 +24,7 @@ from ..effects.base import (
     AbstractLinear,
     AbstractOverSpeed,
     AbstractUnequal,
+    names_beside,
 )
 from ..scene import Scene
 from ..shafts.cased import CasedLine
@@ -137,7 +138,8 @@ def _line(scene: Scene) -> AbstractLine:
     motions = jnp.array(scene.shaft.rigid_motions, float).reshape(-1, 2)
     sizes = jnp.abs(motions) @ jnp.stack([jnp.ones_like(length), length])
     line = RigidLine(motions=motions / sizes[:, None], length=length)
-    return CasedLine(line=line, names=scene.beside, anisotropy=None) if scene.beside else line
+    beside = names_beside(scene.effects)
+    return CasedLine(line=line, names=beside, anisotropy=None) if beside else line
 
 
 def _described(scene: Scene, null: np.ndarray) -> str:

@@ -14,9 +14,7 @@ from ..core.compiled import compiled
 from ..core.pilot import Pilot, refined
 from ..core.progress import waiting
 from ..core.quantities import known
-from ..effects import MagneticBearing
 from ..effects.base import AbstractBodies, AbstractContact
-from ..effects.film import AbstractFilm
 from ..equations.rotating_frame import massless_of
 from ..equations.speed_tables import check_tables, has_tables
 from ..equations.start import AbstractStart, Balls, Continued, Launch
@@ -162,9 +160,7 @@ def run_up(
 
 def _walls(scene: Scene) -> str:
     """A sentence on bearings that have no force at their wall and beyond, for a motion that ended."""
-    walled = [
-        one for one in scene.of(AbstractContact) if isinstance(one, AbstractFilm | MagneticBearing)
-    ]
+    walled = [one for one in scene.of(AbstractContact) if one.walled]
     if not walled:
         return ""
     names = ", ".join(map(scene.name_of, walled))

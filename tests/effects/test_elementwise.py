@@ -18,6 +18,7 @@ LANES = 12
 FILM = {"viscosity": 0.02, "radius": 0.04, "length": 0.03, "clearance": 1e-4}
 STOP = {"gap": 2e-5, "stiffness": 4e6, "damping": 60.0, "friction": 0.1, "rim_radius": 0.1}
 ROLLING = {"balls": 7, "stiffness": 1e10, "gap": 2e-5, "inner_radius": 0.04, "outer_radius": 0.06}
+MAGNETIC = {"constant": 4e-6, "bias": 3.0, "gap": 4e-4, "kp": 15000.0, "kd": 15.0, "limit": 0.5}
 SOFT = {"blend": 1e-5, "slip": 0.05}
 LAWS = {
     "stop": jr.Limiter(0.5, 0.7, **STOP).law(),
@@ -30,6 +31,7 @@ LAWS = {
     "full film": jr.SqueezeFilm(0.5, **FILM, cavitated=False).law(),
     "rolling bearing": jr.RollingBearing(0.5, **ROLLING, angle=0.3).law(),
     "blended rolling bearing": jr.RollingBearing(0.5, **ROLLING, exponent=1.2, blend=1e-6).law(),
+    "magnetic bearing": jr.MagneticBearing(0.5, **MAGNETIC).law(),
     "unequal bearing": DeviatorLaw(jnp.array([2e6, 3e5]), jnp.array([40.0, 7.0])),
 }
 

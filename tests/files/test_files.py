@@ -26,6 +26,8 @@ from jaxrotor import (
     Drive,
     FlexibleShaft,
     Limiter,
+    LinearMagneticBearing,
+    MagneticBearing,
     Material,
     RigidShaft,
     RollingBearing,
@@ -57,6 +59,7 @@ OTHERS = [
     "dual-stiffness-rotating",
     "gyroscopic-cantilever",
     "gyroscopic-propped",
+    "magnetic-rotor",
     "oil-whirl",
     "overhung-disc",
     "overhung-fan",
@@ -282,6 +285,8 @@ ANOTHER_WAY = {  # fields of the second way to give a part, which the scene belo
         "frequencies",
     ],
     Unbalance: ["moment"],
+    MagneticBearing: ["numerator", "denominator"],
+    LinearMagneticBearing: ["numerator", "denominator"],
 }
 
 
@@ -304,6 +309,10 @@ def every_effect() -> Scene:
                 numbers["ball_radius"] = numbers["race_radius"] / 7
             if cls is RollingBearing:
                 numbers |= {"balls": 7, "exponent": 1 + numbers["exponent"]}
+            if cls is MagneticBearing:
+                numbers |= {"kp": 1e6 / 3, "limit": numbers["bias"] / 7}
+            if cls is LinearMagneticBearing:
+                numbers["name"] = f"magnet {len(members)}"
             for name in ANOTHER_WAY.get(cls, ()):
                 del numbers[name]
             members.append(cls(**numbers))
