@@ -100,7 +100,7 @@ class Scene(eqx.Module):
         stations = _stations(self.shaft, self.effects)
         line = self.shaft.line(stations, self.spans, self.resolution, self.attached)
         beside = names_beside(self.effects)
-        return CasedLine(line, beside, line.anisotropy) if beside else line
+        return CasedLine(line=line, names=beside, anisotropy=line.anisotropy) if beside else line
 
     def stations(self, at: Any = None) -> Float[Array, " s"]:
         """Stations to observe [m].

@@ -17,7 +17,7 @@ from ..effects import LinearMagneticBearing, MagneticBearing
 from ..effects.base import AbstractContact
 from ..effects.law import Now
 from ..effects.magnetic_bearing import MagneticLaw
-from ..equations.port import Port, of_all, of_each, port_forces
+from ..equations.port import Port, port_forces, rates_of_states
 from ..equations.system import System
 from ..scene import Scene
 from ..shafts.cased import ends
@@ -155,13 +155,9 @@ class _Rest(eqx.Module):
         forces = port_forces(self.ports, place.T, still.T, now).T
         found = self.matrix @ u[: self.load.size] - self.load
         found = found - jnp.einsum("pnk,pk->n", self.columns, forces)
-        rates = [
-            port.rates(port.forces(*motion), *motion)
-            for port, *motion in zip(
-                self.ports, place, still, of_each(self.ports, now, place, still), strict=True
-            )
-        ]
-        return jnp.append(found, of_all(self.ports, rates)) if self.count else found
+        if not self.count:
+            return found
+        return jnp.append(found, rates_of_states(self.ports, place, still, now))
 
 
 @compiled_quickly

@@ -1,6 +1,5 @@
 """Controller of a magnetic bearing: from the displacement at a sensor to the current of its coils."""
 
-from collections.abc import Sequence
 from typing import Any
 
 import equinox as eqx
@@ -106,7 +105,7 @@ def check_controller(bearing: Any, least: Scalar | None) -> None:
         )
 
 
-def _check_fraction(numerator: Sequence | Any, denominator: Sequence | Any) -> None:
+def _check_fraction(numerator: Array, denominator: Array) -> None:
     """Raise unless a transfer function has a bounded gain at high frequencies."""
     if numerator.size > denominator.size:
         raise ValueError(

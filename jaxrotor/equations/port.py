@@ -263,6 +263,15 @@ def of_all(ports: Sequence[Port], each: Iterable[Array]) -> States:
     return jnp.concatenate([jnp.zeros(0), *each])[np.argsort(places)]
 
 
+def rates_of_states(
+    ports: Sequence[Port], displacement: Array, velocity: Array, now: Now
+) -> States:
+    """Rates of the states of a system, from displacement and velocity at all ports, (p, 2) each."""
+    own = of_each(ports, now, displacement, velocity)
+    motions = zip(ports, displacement, velocity, own, strict=True)
+    return of_all(ports, [port.rates(port.forces(d, v, n), d, v, n) for port, d, v, n in motions])
+
+
 def port_forces(
     ports: tuple[Port, ...],
     displacement: Array,

@@ -12,7 +12,7 @@ from ..core.compiled import compiled_quickly
 from ..core.quantities import Scalar, known
 from ..effects.law import Now
 from ..equations.pencil import Pencil
-from ..equations.port import of_all, of_each
+from ..equations.port import rates_of_states
 from ..equations.system import System
 from ..spins.base import Turning
 from ..spins.constant import constant
@@ -114,8 +114,6 @@ def _by_states(system: System) -> Float[Array, "s s"]:
 
     def rates(states: Array) -> Array:
         now = Now(system.spin.speed, jnp.zeros(()), states)
-        own = of_each(system.ports, now, still, still)
-        parts = zip(system.ports, still, still, own, strict=True)
-        return of_all(system.ports, [port.rates(port.forces(*at), *at) for port, *at in parts])
+        return rates_of_states(system.ports, still, still, now)
 
     return jax.jacfwd(rates)(system.begin())

@@ -82,12 +82,12 @@ class Balance(eqx.Module):
         speed = self.system.spin.speed
         angle = 2 * jnp.pi * self.revolutions / self.samples * jnp.arange(self.samples)
 
-        def total(places: Array, velocities: Array, angle: Array) -> Float[Array, "p 2"]:
+        def at(places: Array, velocities: Array, angle: Array) -> Float[Array, "p 2"]:
             now = of_each(self.system.ports, Now(speed, angle), places, velocities)
             motions = zip(self.system.ports, places, velocities, now, strict=True)
-            return jnp.stack([port.forces(*motion).sum(0) for port, *motion in motions])
+            return jnp.stack([port.forces(d, v, own).sum(0) for port, d, v, own in motions])
 
-        total = jax.vmap(total)(*parts, angle)
+        total = jax.vmap(at)(parts[0], parts[1], angle)
         return jnp.fft.fft(total[..., 0] + 1j * total[..., 1], axis=0, norm="forward")[self.orders]
 
     def residual(self, x: Float[Array, " a"]) -> Float[Array, " a"]:
