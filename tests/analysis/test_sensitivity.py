@@ -134,15 +134,14 @@ def test_derivatives_of_peaks():
 
 @pytest.mark.slow
 def test_gains_are_tuned_under_a_limit():
-    """The smallest response of a mass to unbalance at 500 rad/s, at a peak of 2, which limits it."""
-    scene = machine(jr.Unbalance(0.5, MASS, 1e-5), ki=None, limit=None)
-    grid = np.geomspace(50.0, 5000.0, 40)
-    loss = lambda scene: 1e6 * jr.unbalance_response(jr.linearized(scene), 500.0).major[0, 0]
+    """The least sag of a mass under its weight at a peak of 2, which limits it."""
+    scene, grid = machine(ki=None, limit=None), np.geomspace(50.0, 5000.0, 40)
+    loss = lambda scene: 1e6 * jnp.abs(jr.static_positions(scene).position[0])
     peaks = lambda scene: jr.sensitivity(jr.linearized(scene), grid).peaks
-    where = {"magnetic_bearing.kp": (9000.0, 30000.0), "magnetic_bearing.kd": (5.0, 60.0)}
+    where = {"magnetic_bearing.kp": (9000.0, 60000.0), "magnetic_bearing.kd": (5.0, 25.0)}
     limits = [("sensitivity", lambda scene: jnp.max(peaks(scene)) - 2.0)]
     best = jr.tune(loss, scene, where, constraints=limits, steps=60, tolerance=1e-6, progress=False)
-    assert float(loss(best.scene)) < 0.9 * float(loss(scene))
+    assert float(loss(best.scene)) < 40.0 < float(loss(scene))
     assert float(jnp.max(peaks(best.scene))) == pytest.approx(2.0, abs=1e-5)
 
 
