@@ -357,6 +357,62 @@ compliance = "2e-6 rad/(N m)"      # jump of slope by the moment that opens it
 compliance_across = "5e-7 rad/(N m)"
 """,
     ],
+    "magnetic_bearing": [
+        """\
+[magnetic_bearing]
+at = "0.1 m"
+constant = 4e-6                    # N m^2/A^2, of a pair of coils
+bias = "3 A"
+gap = "0.4 mm"
+kp = 15000.0                       # A/m
+ki = 6e5                           # A/(m s)
+kd = 15.0                          # A s/m
+filter = "0.1 ms"                  # of the derivative
+lag = "0.15 ms"                    # of the amplifier
+limit = "3 A"                      # of the current beside the bias
+angle = "45 deg"                   # of the first axis
+sensor = "0.12 m"                  # where the displacement is read
+on = "pedestal"
+"""
+        + PEDESTAL,
+        """\
+[magnetic_bearing]                 # a controller of one's own: a lead compensator
+at = "0.1 m"
+constant = 4e-6
+bias = "3 A"
+gap = "0.4 mm"
+numerator = [16.5, 15000.0]        # falling powers of p; A over m
+denominator = [1e-4, 1.0]
+""",
+    ],
+    "linear_magnetic_bearing": [
+        """\
+[linear_magnetic_bearing]
+at = "0.1 m"
+current_factor = 300.0             # N/A
+position_factor = "2.25 MN/m"      # positive: it pulls outward
+kp = 15000.0                       # A/m
+ki = 6e5                           # A/(m s)
+kd = 15.0                          # A s/m
+filter = "0.1 ms"                  # of the derivative
+lag = "0.15 ms"                    # of the amplifier
+angle = "0 deg"
+sensor = "0.12 m"
+current_across = 300.0             # along the second axis
+position_across = "2.28 MN/m"
+name = "drive end"                 # of its coordinates
+on = "pedestal"
+"""
+        + PEDESTAL,
+        """\
+[linear_magnetic_bearing]
+at = "0.1 m"
+current_factor = 300.0
+position_factor = "2.25 MN/m"
+numerator = [16.5, 15000.0]
+denominator = [1e-4, 1.0]
+""",
+    ],
     "cubic_spring": [
         """\
 [cubic_spring]

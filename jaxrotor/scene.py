@@ -35,6 +35,7 @@ from .effects.base import (
     check_yield,
     count_held,
     has_hinges,
+    names_beside,
 )
 from .shafts.cased import CasedLine
 from .shafts.line import NODES, AbstractLine, AbstractShaft, Attached
@@ -100,13 +101,11 @@ class Scene(eqx.Module):
         warn_implausible(self.known_values())
 
     def line(self) -> AbstractLine:
-        """The elastic line of the shaft, and of the casings beside it if there are any."""
+        """The elastic line of the shaft, and of the coordinates beside it if there are any."""
         stations = _stations(self.shaft, self.effects)
         line = self.shaft.line(stations, self.spans, self.resolution, self.attached)
-        casings = tuple(casing.name for casing in self.of(AbstractCasing))
-        if not casings:
-            return line
-        return CasedLine(line=line, casings=casings, anisotropy=line.anisotropy)
+        beside = names_beside(self.effects)
+        return CasedLine(line=line, names=beside, anisotropy=line.anisotropy) if beside else line
 
     def stations(self, at: Any = None) -> Float[Array, " s"]:
         """Stations to observe [m].

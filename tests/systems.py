@@ -21,7 +21,9 @@ from jaxrotor import (
     InternalDamping,
     JournalBearing,
     Limiter,
+    LinearMagneticBearing,
     LoosePedestal,
+    MagneticBearing,
     MasslessShaft,
     ModalDamping,
     RayleighDamping,
@@ -150,10 +152,12 @@ EFFECTS = [
         angular_stiffness=500.0,
         angular_damping=0.1,
     ),
+    LinearMagneticBearing(LENGTH, 40.0, 3e3, kp=300.0, kd=0.2),
 ]
-# What turns, so that the rotor has no constant coefficients, or even counts turns.
+# What turns or may have states: no constant coefficients, or no motion by whole revolutions.
 TURNING = [
     RollingBearing(LENGTH, 7, 4e7, 1e-3, 0.04, 0.06, angle=0.3),
+    MagneticBearing(LENGTH, 3.0, 2.0, 0.1, kp=400.0, kd=1.0),
     Crack(LENGTH, 3e4, 1e4, angle=0.3),
 ]
 HARMONIC = [HystereticDamping(0.01)]  # known for harmonic motions only
@@ -184,6 +188,8 @@ STRENGTHS = {
     "seal": ("stiffness", "damping", "inertia"),
     "rolling_bearing": ("stiffness",),
     "crack": ("loss", "loss_across"),
+    "magnetic_bearing": ("constant",),
+    "linear_magnetic_bearing": ("current_factor", "position_factor"),
     "support": (
         "stiffness",
         "damping",

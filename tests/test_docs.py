@@ -37,7 +37,13 @@ TIERS = {  # of pages, by default "slow"; None: the first
     **dict.fromkeys((GALLERY, "docs/tutorials/fan.md", "docs/guides/design.md"), "long"),
 }
 PAGES = [
-    *("README.md", GALLERY, "docs/concepts/cracks.md", "docs/concepts/rolling-bearings.md"),
+    *(
+        "README.md",
+        GALLERY,
+        "docs/concepts/cracks.md",
+        "docs/concepts/rolling-bearings.md",
+        "docs/concepts/magnetic-bearings.md",
+    ),
     *sorted(str(p.relative_to(ROOT)) for p in ROOT.glob("docs/[gt]*/*.md")),
 ]
 COARSER = (  # numbers of the gallery that its pictures alone need: of lanes, points and repeats

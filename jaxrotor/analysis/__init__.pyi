@@ -27,12 +27,7 @@ from .critical import (
 )
 from .dry_whirl import DryWhirl as DryWhirl, dry_whirl as dry_whirl
 from .dry_whirl_map import DryWhirlMap as DryWhirlMap, dry_whirl_map as dry_whirl_map
-from .films import (
-    StaticPositions as StaticPositions,
-    film_support as film_support,
-    linearized as linearized,
-    static_positions as static_positions,
-)
+from .films import StaticPositions as StaticPositions, film_support as film_support
 from .floquet import floquet_multipliers as floquet_multipliers
 from .forced import (
     HarmonicForce as HarmonicForce,
@@ -45,6 +40,8 @@ from .forced import (
 )
 from .growth import growth_rate as growth_rate
 from .inertia import MassProperties as MassProperties, mass_properties as mass_properties
+from .linearized import linearized as linearized, static_positions as static_positions
+from .magnetic import MagneticPositions as MagneticPositions
 from .maps import (
     Boundary as Boundary,
     StabilityMap as StabilityMap,
@@ -65,6 +62,7 @@ from .reduction import (
     reduction as reduction,
 )
 from .rolling import RollingPositions as RollingPositions
+from .sensitivity import Sensitivity as Sensitivity, sensitivity as sensitivity
 from .settling import Settled as Settled, settled as settled
 from .stability import (
     Onset as Onset,

@@ -18,7 +18,7 @@ from ..equations.pencil import eigenvalues
 from ..equations.start import Continued
 from ..equations.system import System, assemble
 from ..scene import Scene
-from .films import check_linear
+from .linearized import check_linear
 from .ring import RotorInRing, ring_of, sorted_roots
 
 

@@ -17,7 +17,7 @@ from ..equations.pencil import Frame, frame, is_rounding, isotropic
 from ..equations.system import System
 from ..scene import Scene
 from ..spins.base import sense_of
-from .films import check_linear
+from .linearized import check_linear
 from .modal import (
     STRAIGHT,
     energy_shares,

@@ -16,7 +16,7 @@ from ..equations.pencil import check_moves, frame, is_rounding, isotropic
 from ..equations.speed_tables import check_no_tables
 from ..equations.system import System, assemble
 from ..scene import Scene
-from .films import check_linear
+from .linearized import check_linear
 from .modal import STRAIGHT, inertia_shares, kind_of_whirl
 from .resolved import resolved
 from .synchronous import crossings, families, filled, synchronous_of

@@ -20,7 +20,7 @@ from ..equations.start import Continued
 from ..equations.system import System, assemble
 from ..scene import Scene
 from ..spins.base import sense_of
-from .films import check_linear
+from .linearized import check_linear
 from .ring import RotorInRing, polished, ring_of, sorted_roots
 
 

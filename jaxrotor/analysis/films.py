@@ -16,16 +16,12 @@ from ..core.tables import RPM, notebook_table
 from ..effects import RollingBearing, Seal, Support
 from ..effects.film import AbstractFluid, AbstractFluidLaw
 from ..effects.law import Now
-from ..equations.pencil import check_axes, frame, unequal_parts
 from ..equations.port import Port
-from ..equations.speed_tables import check_tables
 from ..equations.stationary_frame import check_not_turning
-from ..equations.system import System, assemble
+from ..equations.system import System
 from ..scene import Scene
 from ..shafts.cased import ends
-from .cracked import check_uncracked
 from .equilibrium import double, linear_part, of_each, parts_of, port_forces_at_rest, with_slopes
-from .rolling import RollingPositions, freeze_of, rolling_positions
 
 
 STIFF = 1e6  # springs that hold journals in place, over the stiffness of their films
@@ -61,52 +57,9 @@ class StaticPositions(eqx.Module):
         return notebook_table("Static positions in films and seals", heads, rows)
 
 
-def static_positions(scene: Scene, speeds: Any = None) -> StaticPositions | RollingPositions:
-    """`K q = loads + Sum column F(row q, 0, Omega)`: the rotor at rest in its bearings, under weight.
-
-    The equilibrium in films and seals is that of the whole rotor, also where its bearings share the load
-    by its stiffness, and the coefficients are the exact Jacobian of the film there. Newton's method
-    starts from the loads that the weight puts on the bearings, each in the position that bears it.
-
-    In rolling bearings the rotor rests where `linear` of each has the cage: "frozen" at its `angle`, or
-    "mean", the mean of all such positions while the cages, all together, turn by the angle between two
-    balls, at 256 angles: where a ball begins to bear in between, the error of a stiffness is about 1e-4.
-
-    Args:
-        scene: a rotor with a `JournalBearing`, `SqueezeFilm` or `Seal`, or with a `RollingBearing`.
-        speeds: one or more speeds [rad/s], by default that of the scene.
-
-    Returns:
-        `StaticPositions` in films, `RollingPositions` in rolling bearings, with first derivatives by all
-        parameters.
-
-    Raises:
-        ValueError: if the scene has no film and no rolling bearing, or both, has unequal axes that turn,
-            or no static position was found, as at rest, where a film bears nothing and a Support must, or
-            in a rolling bearing without a load, or of one ball under load; or its `linear` is None.
-    """
-    speeds = jnp.atleast_1d(jnp.asarray(scene.spin.speed if speeds is None else speeds, float))
-    rolling = bool(scene.of(RollingBearing))
-    if not scene.of(AbstractFluid) and not rolling:
-        raise ValueError(
-            "The scene has no oil film, no seal and no rolling bearing; add one, such as a "
-            "JournalBearing, or take the scene as it is."
-        )
-    if rolling and scene.of(AbstractFluid):
-        raise ValueError(
-            "Static positions are those of films and seals or of rolling bearings, but the scene has "
-            "both; put a Support in place of one kind, or simulate it in time."
-        )
-    check_tables(scene, speeds)
-    system, films = assemble(scene), scene.of(AbstractFluid)
-    if frame(system.blocks) == "rotating":
-        raise ValueError(
-            f"Axes of {unequal_parts(system, 'rotating')} turn with the shaft, so the rotor under weight "
-            "has no static position; simulate it in time."
-        )
-    check_axes(system, "There is no static position", "simulate it in time")
-    if rolling:
-        return rolling_positions(scene, system, speeds)
+def film_positions(scene: Scene, system: System, speeds: Float[Array, " k"]) -> StaticPositions:
+    """Rest of a scene in its oil films, see `jaxrotor.static_positions`."""
+    films = scene.of(AbstractFluid)
     check_not_turning(system, "A static position", "simulate it in time")
     position, load, stiffness, damping = _at_speeds(system, films, speeds)
     if known(position) and not np.isfinite(position).all():
@@ -126,63 +79,6 @@ def static_positions(scene: Scene, speeds: Any = None) -> StaticPositions | Roll
         damping=damping,
         films=tuple(scene.name_of(film) for film in films),
     )
-
-
-def linearized(scene: Scene, speeds: Any = None) -> Scene:
-    """The scene with a linear `Support` in place of each film or rolling bearing, for linear analyses.
-
-    Its coefficients are those about the static position: at the speed of the scene, or tables over
-    `speeds`, between which they are interpolated (see `Support`) and outside of which they are refused.
-
-    Args:
-        scene: a rotor as of `static_positions`.
-        speeds: two or more speeds [rad/s] of the scene's sense in ascending order, as nodes of the
-            tables; None: that of the scene. The tables hold for this sense of rotation alone.
-
-    Returns:
-        The scene, whose other effects are the same. The coefficients of a film without viscosity are zero.
-        Of rolling bearings, which have stiffness alone, `assumption` says where their cages are.
-
-    Raises:
-        ValueError: as `static_positions`, or the speeds are not two or more in ascending order, or the
-            scene turns backward and they are not negative.
-    """
-    if speeds is not None and (np.ndim(speeds) != 1 or np.size(speeds) < 2):
-        raise ValueError(
-            f"`speeds` must be two or more in ascending order, but is {speeds}; at one speed give "
-            "`linearized(scene.at_speed(speed))`."
-        )
-    sense = scene.spin.sense
-    turning = any(film.turning for film in scene.of(AbstractFluid))
-    if turning and speeds is not None and known(speeds) and known(sense):
-        least, most = np.min(speeds), np.max(speeds)
-        if sense < 0 <= most:
-            raise ValueError(
-                "The cross-coupling of a film follows the rotation, and this scene turns backward, so "
-                f"`speeds` must be negative, but the highest is {most:g} rad/s; take those of "
-                "its sense, or give `scene.at_speed(..)` a positive speed."
-            )
-        if least < 0 < most:
-            raise ValueError(
-                "The cross-coupling of a film changes its sign with the rotation, so `speeds` must be of "
-                f"one sense, but are from {least:g} to {most:g} rad/s; take one scene for each sense."
-            )
-    found = static_positions(scene, speeds)
-    kind = AbstractFluid if isinstance(found, StaticPositions) else RollingBearing
-    bearings = scene.of(kind)
-    effects = []
-    for effect in scene.effects:
-        if not isinstance(effect, kind):
-            effects.append(effect)
-            continue
-        j = next(i for i, one in enumerate(bearings) if one is effect)
-        damping = found.damping[:, j] if isinstance(found, StaticPositions) else None
-        own = found.stiffness[:, j], damping
-        effects.append(_support(effect, None if speeds is None else found.speeds, *own))
-    if isinstance(found, StaticPositions):
-        return scene.of_parts(*effects)
-    assumption = "; ".join(filter(None, [scene.assumption, found.assumption]))
-    return Scene(scene.shaft, *effects, spin=scene.spin, assumption=assumption)
 
 
 def film_support(film: AbstractFluid, load: ArrayLike, speeds: Any) -> Support:
@@ -206,7 +102,7 @@ def film_support(film: AbstractFluid, load: ArrayLike, speeds: Any) -> Support:
             "No position in the film bears the load; a film bears nothing at rest or if its journal does "
             "not turn: take higher speeds, or less load."
         )
-    return _support(film, nodes if np.ndim(speeds) else None, stiffness[:, 0], damping[:, 0])
+    return support_of(film, nodes if np.ndim(speeds) else None, stiffness[:, 0], damping[:, 0])
 
 
 @compiled_quickly
@@ -221,28 +117,7 @@ def _under_load(film: AbstractFluid, load: Complex[Array, ""], speeds: Float[Arr
     return jax.vmap(lambda speed: _positions(_Balance.under_load(film, load, speed)))(speeds)
 
 
-def check_linear(scene: Scene, speeds: Any = None) -> None:
-    """Raise if a scene has parts without linear coefficients, such as films, or tables lack a speed."""
-    films = scene.of(AbstractFluid)
-    if films:
-        names = ", ".join(scene.name_of(film) for film in films)
-        raise ValueError(
-            f"Films and seals ({names}) have linear coefficients about a static position only; give "
-            "this analysis `jaxrotor.linearized(scene)`, or `linearized(scene, speeds)` over several "
-            "speeds."
-        )
-    if bearings := scene.of(RollingBearing):
-        freeze_of(scene)
-        names = ", ".join(scene.name_of(bearing) for bearing in bearings)
-        raise ValueError(
-            f"Rolling bearings ({names}) are linear about a static position only; give this analysis "
-            "`jaxrotor.linearized(scene)`."
-        )
-    check_uncracked(scene)
-    check_tables(scene, speeds)
-
-
-def _support(
+def support_of(
     bearing: AbstractFluid | RollingBearing,
     speeds: Array | None,
     stiffness: Float[Array, "k 2 2"],

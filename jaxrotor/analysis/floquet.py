@@ -14,7 +14,7 @@ from ..core.quantities import Scalar, known
 from ..equations.pencil import Pencil, check_circular, eigenvalues, frame, root_changes
 from ..equations.system import System, assemble
 from ..scene import Scene
-from .films import check_linear
+from .linearized import check_linear
 from .modal import natural_roots
 from .whirl_tables import OverWhirl, grows_beyond, whirl_roots
 

@@ -18,7 +18,7 @@ from ..equations.system import System, assemble, structure
 from ..scene import Scene
 from ..shafts.cased import row_of
 from ..shafts.line import AbstractLine
-from .films import check_linear
+from .linearized import check_linear
 from .resonance import CRITICAL, from_resonance
 from .whirl_tables import synchronous
 

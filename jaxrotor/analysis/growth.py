@@ -14,8 +14,8 @@ from ..core.quantities import Scalar, known
 from ..equations.pencil import Pencil, is_rounding
 from ..equations.system import System
 from ..scene import Scene
-from .films import check_linear
 from .floquet import exponents
+from .linearized import check_linear
 from .whirl_tables import OverWhirl
 
 

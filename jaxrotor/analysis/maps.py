@@ -16,8 +16,8 @@ from ..core.checks import in_order
 from ..core.compiled import compiled
 from ..equations.speed_tables import has_whirl_tables
 from ..scene import Scene, with_shared_nodes
-from .films import check_linear
 from .growth import EDGES, STEPS, growth_of, undamped_side, why_unknown
+from .linearized import check_linear
 from .whirl_tables import OverWhirl
 
 

@@ -28,7 +28,7 @@ from ..equations.system import System, assemble
 from ..scene import Scene
 from ..shafts.virtual import VirtualLine
 from ..spins.base import sense_of
-from .films import check_linear
+from .linearized import check_linear
 from .resolved import resolved
 from .whirl_tables import OverWhirl, whirl_roots
 

@@ -11,8 +11,8 @@ from ..equations.pencil import check_alike
 from ..equations.system import System, assemble
 from ..scene import Scene
 from ..shafts import MasslessShaft
-from .films import check_linear
 from .forced import ending_span
+from .linearized import check_linear
 
 
 class Reduction(eqx.Module):

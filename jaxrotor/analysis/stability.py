@@ -19,7 +19,6 @@ from ..equations.pencil import ROUNDING, Pencil, eigenvalues, frame, is_rounding
 from ..equations.speed_tables import speed_range
 from ..equations.system import System
 from ..scene import Scene
-from .films import check_linear
 from .growth import (
     EDGES,
     beyond_rounding,
@@ -30,6 +29,7 @@ from .growth import (
     undamped_side,
     why_unknown,
 )
+from .linearized import check_linear
 from .whirl_tables import OverWhirl
 
 

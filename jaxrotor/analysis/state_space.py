@@ -14,8 +14,8 @@ from ..equations.pencil import ROUNDING, Pencil, isotropic
 from ..equations.stationary_frame import check_known_in_time
 from ..equations.system import System, assemble, structure
 from ..scene import Scene
-from .films import check_linear
 from .forced import ending_span
+from .linearized import check_linear
 from .modal import less_rounding, slowest_first
 from .resolved import resolved
 

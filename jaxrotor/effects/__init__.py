@@ -11,6 +11,7 @@ from .base import (
     AbstractEffect as AbstractEffect,
     AbstractLinear as AbstractLinear,
     AbstractLoad as AbstractLoad,
+    AbstractOwnCoordinates as AbstractOwnCoordinates,
 )
 from .casing import Casing as Casing
 from .crack import Crack as Crack
@@ -23,7 +24,9 @@ from .internal_damping import InternalDamping as InternalDamping
 from .journal_bearing import JournalBearing as JournalBearing
 from .law import AbstractLaw as AbstractLaw, AbstractSmoothLaw as AbstractSmoothLaw, Now as Now
 from .limiter import Limiter as Limiter
+from .linear_magnetic_bearing import LinearMagneticBearing as LinearMagneticBearing
 from .loose_pedestal import LoosePedestal as LoosePedestal
+from .magnetic_bearing import MagneticBearing as MagneticBearing
 from .modal_damping import ModalDamping as ModalDamping
 from .rayleigh_damping import RayleighDamping as RayleighDamping
 from .rolling_bearing import RollingBearing as RollingBearing

@@ -14,7 +14,7 @@ from jaxtyping import Array, ArrayLike, Float
 
 from ..core.blocks import Blocks, Load
 from ..core.checks import suggest
-from ..core.quantities import Scalar, Series
+from ..core.quantities import Scalar, Series, known
 from ..core.representation import AbstractPart
 from ..shafts.line import AbstractLine, AbstractShaft
 from ..shafts.massless import coincide
@@ -149,11 +149,13 @@ class AbstractContact(AbstractEffect):
 
     Rotating the law by an angle is the same as adding the angle to `angle`. A contact stands on the
     ground, or `on` the `Casing` of a name: its law is then one of the motion relative to the casing, which
-    gets the opposite force.
+    gets the opposite force. Its law is given the motion at a second station,
+    too, where its class has that in a field `sensor` [m].
     """
 
     holds_shaft: ClassVar[bool] = True
     rebounds: ClassVar[bool] = False  # whether the shaft rebounds from it, as from a stop
+    walled: ClassVar[bool] = False  # whether it has no force at a wall to which the shaft may come
 
     at: eqx.AbstractVar[Scalar]
     angle: eqx.AbstractVar[Scalar]  # direction from the axis to the contact [rad]
@@ -237,6 +239,20 @@ class AbstractCasing(AbstractEffect):
     name: eqx.AbstractVar[str]
 
 
+class AbstractOwnCoordinates(AbstractLinear):
+    """Linear effect with coordinates of its own, of first order: they have damping and no mass.
+
+    `row_of(line, name)` reads one, and `column_of(line, name)` is the term of its equation.
+    """
+
+    name: eqx.AbstractVar[str]  # which no other such effect of a scene has
+
+    @property
+    @abc.abstractmethod
+    def own(self) -> tuple[str, ...]:
+        """Names of its coordinates, each beginning with its own name."""
+
+
 class AbstractBetween(AbstractEffect):
     """Effect that acts between the bodies of a race."""
 
@@ -258,7 +274,17 @@ class AbstractBetween(AbstractEffect):
 
 
 def check_casings(effects: tuple[AbstractEffect, ...]) -> None:
-    """Raise unless casings have names of their own, and each is held by a part that names it."""
+    """Raise unless casings have names of their own, and each is held by a part that names it.
+
+    Effects with coordinates of their own have names of their own, too.
+    """
+    owners = [effect for effect in effects if isinstance(effect, AbstractOwnCoordinates)]
+    for effect in owners:
+        if sum(other.name == effect.name for other in owners) > 1:
+            raise ValueError(
+                f"Two parts with coordinates of their own have the name {effect.name!r}; give each "
+                f"{effect.kind} a `name` of its own."
+            )
     names = [effect.name for effect in effects if isinstance(effect, AbstractCasing)]
     for name in names:
         if names.count(name) > 1:
@@ -273,6 +299,12 @@ def check_casings(effects: tuple[AbstractEffect, ...]) -> None:
             raise ValueError(
                 f"Nothing holds the casing {name!r}; give it a Support by `of`, and the shaft one by `on`."
             )
+
+
+def names_beside(effects: tuple[AbstractEffect, ...]) -> tuple[str, ...]:
+    """Names of the coordinates beside the shaft: own ones of effects, then those of casings."""
+    own = [name for one in effects if isinstance(one, AbstractOwnCoordinates) for name in one.own]
+    return *own, *(one.name for one in effects if isinstance(one, AbstractCasing))
 
 
 def check_casing(name: str, names: Sequence[str]) -> None:
@@ -291,8 +323,18 @@ def count_held(effects: tuple[AbstractEffect, ...]) -> int:
     return len({float(at) for at in held if at is not None})
 
 
+def check_sensors(shaft: AbstractShaft, effects: tuple[AbstractEffect, ...]) -> None:
+    """Raise if a sensor is where nothing can be placed on the shaft."""
+    for effect in effects:
+        sensor = getattr(effect, "sensor", None)
+        placed = sensor is not None and known(sensor) and known(shaft.length)
+        if placed and (reason := shaft.reason_against(float(sensor))) is not None:
+            raise ValueError(f"The sensor of a {effect.kind} at {float(sensor):g} m {reason}.")
+
+
 def check_yield(shaft: AbstractShaft, effects: tuple[AbstractEffect, ...]) -> None:
-    """Raise if a support is where a constraint of the shaft holds the displacement it acts on."""
+    """Raise if a sensor is off the shaft, or a support where a constraint holds what it acts on."""
+    check_sensors(shaft, effects)
     pins = [one for one in getattr(shaft, "constraints", ()) if one.displacement]
     for effect in effects:
         at, on = getattr(effect, "at", None), getattr(effect, "on", None)

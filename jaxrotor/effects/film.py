@@ -24,6 +24,8 @@ PLACES = 400  # eccentricities among which that position is sought
 class AbstractFluid(AbstractContact):
     """Fluid in the annular gap around a shaft, which acts always, and linearly about a position alone."""
 
+    walled: ClassVar[bool] = True
+
     turning: eqx.AbstractClassVar[bool]  # whether the shaft rotates in the fluid
 
     clearance: eqx.AbstractVar[Scalar]  # radial, c [m]

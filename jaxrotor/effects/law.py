@@ -25,11 +25,13 @@ class Hardness(NamedTuple):
 
 
 class Now(NamedTuple):
-    """Speed, angle and states, on which a law may depend beside the motion at its station."""
+    """Speed, angle, states and a sensor, on which a law may depend beside the motion at its station."""
 
     speed: Number  # of rotation [rad/s]
     angle: Number | None = None  # of its `clock` [rad]; None: it has none
     state: States | None = None  # its own `states`; None: it has none
+    sensor: tuple[Plane, Plane] | None = None  # motion at its contact's `sensor`; None: it has none
+    branch: Branch | None = None  # that its `rates` follow; None: the one of the motion
 
 
 class AbstractLaw(eqx.Module):
@@ -39,7 +41,8 @@ class AbstractLaw(eqx.Module):
     branch, so that steps in time can end where it changes. A smooth law has no conditions.
 
     A law may have `states` of its own, whose `rates` are integrated with the motion; a solver with an
-    error estimate controls them to 1e-10 of their units. It may depend on the angle of rotation. By the
+    error estimate controls them to 1e-10 of their units. It may read the motion at another station, the
+    `sensor` of its contact. It may depend on the angle of rotation. By the
     `clock` "revolution" that angle is within a revolution, from 0 to 2 pi, so that motions by whole
     revolutions have it exactly: forces and margins are then to be periodic functions of it. By "turns"
     it counts all turns, as `TimeHistory.angle` does, for what turns at another ratio. Where such a law
@@ -56,7 +59,7 @@ class AbstractLaw(eqx.Module):
             raise ValueError(
                 f'`clock` of {cls.__name__} must be "revolution", "turns" or None, but is {cls.clock!r}.'
             )
-        if not isinstance(cls.states, tuple):
+        if not isinstance(cls.states, tuple | property):
             raise ValueError(
                 f'`states` of {cls.__name__} must be a tuple of texts such as ("wear [m]",), but is '
                 f"{cls.states!r}."
@@ -95,7 +98,10 @@ class AbstractLaw(eqx.Module):
         return jnp.zeros(len(self.states))
 
     def rates(self, force: Plane, displacement: Plane, velocity: Plane, now: Now) -> States:
-        """Rates of its states per second, by its force [N] and the motion there."""
+        """Rates of its states per second, by its force [N] and the motion there.
+
+        Rates with kinks of their own follow `now.branch` where it is given, as located steps do.
+        """
         raise NotImplementedError(f"{type(self).__name__} has `states`, so it needs their `rates`.")
 
     @abc.abstractmethod

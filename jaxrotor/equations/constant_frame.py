@@ -57,7 +57,7 @@ def loop_gain(system: System) -> Scalar:
     ports, still, axes = system.ports[-system.remainder :], jnp.zeros(2), jnp.eye(2)
     rows = jnp.kron(axes, jnp.stack([port.row for port in ports]))
     columns = jnp.kron(axes, jnp.stack([port.column for port in ports], axis=1))
-    flexibility = rows @ linalg.solve(_of_axes(Pencil.of(system.at_speed(0.0))).stiffness, columns)
+    flexibility = rows @ linalg.solve(of_axes(Pencil.of(system.at_speed(0.0))).stiffness, columns)
     now = Now(system.spin.speed)
     force = lambda z, port: port.forces(z, still, now).sum(0)
     slope = lambda port: jax.jacfwd(force)(still, port)
@@ -87,7 +87,7 @@ class ConstantFrame(eqx.Module):
     @classmethod
     def of(cls, system: System, rate: Scalar) -> "ConstantFrame":
         """The equations of a system whose revolution takes `2 pi / rate` seconds."""
-        pencil, speed, load = _of_axes(Pencil.of(system)), system.spin.speed, system.load
+        pencil, speed, load = of_axes(Pencil.of(system)), system.spin.speed, system.load
         turns = frame(system.blocks) == "rotating"
         if system.massless is None:
             (matrix, drive), condensed = _first_order(system, pencil, rate), None
@@ -190,7 +190,7 @@ def steady_amplitudes(system: System) -> list[Array]:
     return [part[: 2 * system.n] for part in parts if part is not None]
 
 
-def _of_axes(pencil: Pencil) -> Pencil:
+def of_axes(pencil: Pencil) -> Pencil:
     """The pencil in real unknowns `(x, y)`."""
     if pencil.paired:
         return pencil.along_axes

@@ -182,8 +182,9 @@ class CoupledForces(eqx.Module):
         place, velocity, signals, acceleration, q = jnp.split(seen, ends)
         signals = (turning.speed - self.centre) * signals
         given = jnp.zeros(system.n, complex).at[p : p + acceleration.size].set(acceleration)
-        own = of_each(system.ports, Now(turning.speed, turning.angle, others.states))
-        motions = list(zip(system.ports, plane(place).T, plane(velocity).T, own, strict=True))
+        motion = plane(place).T, plane(velocity).T
+        own = of_each(system.ports, Now(turning.speed, turning.angle, others.states), *motion)
+        motions = list(zip(system.ports, *motion, own, strict=True))
         contacts = [law(i, *motion) for i, motion in enumerate(motions)]
         contact = jnp.zeros(0, complex)
         if p:
@@ -227,7 +228,7 @@ class CoupledForces(eqx.Module):
             jnp.full(d, acceleration),
             others.bodies_rate,
             then.bodies_acceleration - acceleration,
-            state_rates(system, now, contacts),
+            state_rates(system, now, contacts, law),
         )
         return jnp.concatenate([contact, signals, force[p:]]), rates
 

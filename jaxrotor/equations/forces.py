@@ -10,7 +10,7 @@ from ..core.plane import direction, plane
 from ..core.quantities import Scalar
 from ..effects.law import Now, States
 from .kinematics import Kinematics
-from .port import Port, of_all, of_each
+from .port import Law, Port, actual, of_all, of_each
 from .system import Race, System
 
 
@@ -49,7 +49,7 @@ def applied_force(load: Load, now: Kinematics) -> Array:
 # === contacts
 
 
-Contacts = list[Float[Array, "k 2"]]  # force of every law of every port, in fixed axes [N]
+Contacts = list[Float[Array, "_ 2"]]  # force of every law of every port, in fixed axes [N]
 
 
 def contacts_of(system: System, now: Kinematics) -> Contacts:
@@ -76,20 +76,24 @@ def contact_torque(system: System, now: Kinematics, contacts: Contacts) -> Scala
     return torque
 
 
-def state_rates(system: System, now: Kinematics, contacts: Contacts | None = None) -> States:
+def state_rates(
+    system: System, now: Kinematics, contacts: Contacts | None = None, law: Law = actual
+) -> States:
     """Rates of the states of all laws per second, by the forces of the contacts where these are known."""
     if not system.state_count:
         return now.states
     contacts = contacts_of(system, now) if contacts is None else contacts
-    pairs = zip(port_motion(system, now), contacts, strict=True)
-    return of_all(system.ports, [port.rates(forces, *motion) for (port, motion), forces in pairs])
+    every = zip(port_motion(system, now), contacts, strict=True)
+    found = [law.rates(i, port, f, *motion) for i, ((port, motion), f) in enumerate(every)]
+    return of_all(system.ports, found)
 
 
 def port_motion(system: System, now: Kinematics) -> Iterator[tuple[Port, tuple[Array, Array, Now]]]:
     """Every port, its displacement and velocity [x, y] in fixed axes, and what its laws are given."""
-    for port, own in zip(system.ports, of_each(system.ports, now.of_laws), strict=True):
-        place, velocity = port.row @ now.r, port.row @ now.velocity
-        yield port, (plane(place * now.turn), plane(velocity * now.turn), own)
+    along = lambda part: [plane(port.row @ part * now.turn) for port in system.ports]
+    motion = along(now.r), along(now.velocity)
+    own = of_each(system.ports, now.of_laws, *motion)
+    yield from zip(system.ports, zip(*motion, own, strict=True), strict=True)
 
 
 # === rolling bodies

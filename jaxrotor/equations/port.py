@@ -1,5 +1,6 @@
 """Port: one station where nonlinear laws act, see docs/concepts/ports.md."""
 
+import abc
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any, cast
 
@@ -11,14 +12,17 @@ from jaxtyping import Array, Float
 
 from ..core.extremes import larger
 from ..core.quantities import Scalar
-from ..effects.law import AbstractLaw, Now, States
+from ..effects.law import AbstractLaw, Branch, Now, States
 
 
 Branches = tuple[Float[Array, "_ _ ..."], ...]  # (k, c) of every stack of k laws of equal structure
 
 
 class Port(eqx.Module):
-    """One station where nonlinear laws act: reads `row . q`, adds `column F` to the equations."""
+    """One station where nonlinear laws act: reads `row . q`, adds `column F` to the equations.
+
+    One that laws of another port read as their sensor has no laws itself, so no force.
+    """
 
     row: Float[Array, " n"]
     column: Float[Array, " n"]
@@ -29,6 +33,8 @@ class Port(eqx.Module):
     on: str | None = eqx.field(static=True, default=None)  # name of a casing; None: the ground
     # Places of the states of its laws, stack by stack, among those of a system:
     places: tuple[int, ...] = eqx.field(static=True, default=())
+    # Number of the port whose motion its laws are given as that of their sensor; None: they have none:
+    reads: int | None = eqx.field(static=True, default=None)
 
     def begin(self) -> States:
         """States of all laws at the start of a motion, stack by stack."""
@@ -41,21 +47,34 @@ class Port(eqx.Module):
 
         `now` has the angle with all turns, and the states of all laws of the port.
         """
+        if not self.laws:
+            return jnp.zeros((0, *jnp.shape(displacement)))
         call = lambda law, now: law(displacement, velocity, now)
         return jnp.concatenate([_mapped(call)(*stack) for stack in self._stacks(now)])
 
     def rates(
-        self, forces: Float[Array, "k 2 ..."], displacement: Array, velocity: Array, now: Now
+        self,
+        forces: Float[Array, "k 2 ..."],
+        displacement: Array,
+        velocity: Array,
+        now: Now,
+        branches: Branches | None = None,
     ) -> States:
-        """Rates of the states of all laws per second, stack by stack, by their forces [N]."""
-        call = lambda law, now, force: _as_states(
-            law, "rates", law.rates(force, displacement, velocity, now)
+        """Rates of the states of all laws per second, stack by stack, by their forces [N].
+
+        They follow given `branches`, also beyond their ends; None: those of the motion.
+        """
+        call = lambda law, now, force, *branch: _as_states(
+            law,
+            "rates",
+            law.rates(force, displacement, velocity, now._replace(branch=_only(branch))),
         )
         parts = zip(self._stacks(now), self._of_stacks(forces), strict=True)
         found = [jnp.zeros((0, *forces.shape[2:]))]
-        for (stack, own), force in parts:
+        for number, ((stack, own), force) in enumerate(parts):
             if stack.states:
-                rates = _mapped(call)(stack, own, force)
+                along = () if branches is None else (branches[number],)
+                rates = _mapped(call)(stack, own, force, *along)
                 found.append(rates.reshape(-1, *rates.shape[2:]))
         return jnp.concatenate(found)
 
@@ -70,7 +89,7 @@ class Port(eqx.Module):
                 stop = start + count_of(stack) * len(stack.states)
                 own, start = now.state[start:stop], stop
                 state = own.reshape(-1, len(stack.states), *own.shape[1:])
-            yield stack, Now(now.speed, angle, state)
+            yield stack, Now(now.speed, angle, state, now.sensor)
 
     def _of_stacks(self, each: Float[Array, "k ..."]) -> Iterator[Array]:
         """Parts of an array of all laws, stack by stack."""
@@ -103,6 +122,8 @@ class Port(eqx.Module):
         self, branches: Branches, displacement: Array, velocity: Array, now: Now
     ) -> Float[Array, "k 2 ..."]:
         """Force of every law by the formula of a given branch, also beyond its ends [N]."""
+        if not self.laws:
+            return jnp.zeros((0, *jnp.shape(displacement)))
         call = lambda law, now, branch: law.along(branch, displacement, velocity, now)
         stacks = zip(self._stacks(now), branches, strict=True)
         return jnp.concatenate([_mapped(call)(*stack, branch) for stack, branch in stacks])
@@ -118,11 +139,15 @@ class Port(eqx.Module):
 
     def hardness(self) -> Float[Array, "2"]:
         """Stiffness [N/m] and damping [N s/m] of all laws together, each in its hardest direction."""
+        if not self.laws:
+            return jnp.zeros(2)
         share, each = self._shares()
         return jnp.max(share @ each, axis=0)
 
     def hardnesses(self) -> Float[Array, "k 2"]:
         """The same outward along every law, of that law and of those that act before it."""
+        if not self.laws:
+            return jnp.zeros((0, 2))
         (share, each), gaps = self._shares(), self.clearances(jnp.zeros(2))
         return (share * (gaps[:, None] <= gaps)).T @ each
 
@@ -136,6 +161,8 @@ class Port(eqx.Module):
 
     def clearances(self, displacement: Array) -> Float[Array, " k"]:
         """Distance of every law until it acts [m]."""
+        if not self.laws:
+            return jnp.zeros(0)
         stacks = [jax.vmap(lambda law: law.clearance(displacement))(one) for one in self.laws]
         return jnp.concatenate(stacks)
 
@@ -153,10 +180,15 @@ def _mapped(call: Callable) -> Callable:
     """`call(law, now, ..)` for every law of a stack, each with its own states."""
 
     def every(stack: AbstractLaw, now: Now, *given: Array) -> Array:
-        own = cast(Any, Now)(None, None, 0)  # laws of a stack share speed and angle
+        own = cast(Any, Now)(None, None, 0)  # laws of a stack share speed, angle and sensor
         return jax.vmap(call, in_axes=(0, own, *[0] * len(given)))(stack, now, *given)
 
     return every
+
+
+def _only(parts: tuple[Branch, ...]) -> Branch | None:
+    """The one entry of a tuple; None of an empty one."""
+    return parts[0] if parts else None
 
 
 def _in_lanes(values: Float[Array, "k c ..."], displacement: Array) -> Float[Array, "k c ..."]:
@@ -183,27 +215,65 @@ def count_of(stack: AbstractLaw) -> int:
     return jax.tree.leaves(stack)[0].shape[0]
 
 
-# Force of every law of a port, by its number, itself, displacement and velocity there, and `Now`:
-Law = Callable[[int, Port, Array, Array, Now], Float[Array, "k 2 ..."]]
+class AbstractPortLaw(eqx.Module):
+    """Forces of every law of a port, and rates of their states."""
+
+    @abc.abstractmethod
+    def __call__(
+        self, number: int, port: Port, place: Array, velocity: Array, now: Now
+    ) -> Float[Array, "k 2 ..."]:
+        """Forces [N], by the number of the port, displacement and velocity there."""
+
+    @abc.abstractmethod
+    def rates(self, number: int, port: Port, forces: Array, *motion: Any) -> States:
+        """Rates of the states, by the forces, displacement, velocity and `now`."""
 
 
-def actual(number: int, port: Port, place: Array, velocity: Array, now: Now) -> Array:
-    """Forces of a port by its laws."""
-    del number
-    return port.forces(place, velocity, now)
+class ActualLaw(AbstractPortLaw):
+    """Forces and rates along the branches of the motion itself."""
+
+    def __call__(
+        self, number: int, port: Port, place: Array, velocity: Array, now: Now
+    ) -> Float[Array, "k 2 ..."]:
+        del number
+        return port.forces(place, velocity, now)
+
+    def rates(self, number: int, port: Port, forces: Array, *motion: Any) -> States:
+        del number
+        return port.rates(forces, *motion)
 
 
-def of_each(ports: Sequence[Port], now: Now) -> Iterator[Now]:
-    """Each port's own of `now`: of the states of a system, those of its own laws."""
+Law = AbstractPortLaw
+actual = ActualLaw()
+
+
+def of_each(
+    ports: Sequence[Port], now: Now, displacement: Sequence[Array] | Array, velocity: Any
+) -> Iterator[Now]:
+    """Each port's own of `now`: states of its own laws, and the motion at their sensor.
+
+    Displacement and velocity are those of all ports, along a first axis.
+    """
     for port in ports:
         state = now.state[np.array(port.places, int)] if now.state is not None else None
-        yield now._replace(state=state)
+        read = port.reads
+        seen = None if read is None else (displacement[read], velocity[read])
+        yield now._replace(state=state, sensor=seen)
 
 
 def of_all(ports: Sequence[Port], each: Iterable[Array]) -> States:
     """States of a system, or their rates, by those of each port."""
     places = np.concatenate([np.zeros(0, int), *(np.array(port.places, int) for port in ports)])
     return jnp.concatenate([jnp.zeros(0), *each])[np.argsort(places)]
+
+
+def rates_of_states(
+    ports: Sequence[Port], displacement: Array, velocity: Array, now: Now
+) -> States:
+    """Rates of the states of a system, from displacement and velocity at all ports, (p, 2) each."""
+    own = of_each(ports, now, displacement, velocity)
+    motions = zip(ports, displacement, velocity, own, strict=True)
+    return of_all(ports, [port.rates(port.forces(d, v, n), d, v, n) for port, d, v, n in motions])
 
 
 def port_forces(
@@ -214,11 +284,11 @@ def port_forces(
     law: Law = actual,
 ) -> Float[Array, "2 p ..."]:
     """Total force at every port from displacement and velocity there, all (2, p), or (2, p, lanes)."""
-    motions = (jnp.swapaxes(x, 0, 1) for x in (displacement, velocity))
+    motions = [jnp.swapaxes(x, 0, 1) for x in (displacement, velocity)]
     found = [
         port.added(law(number, port, d, v, own), d, v)
         for number, (port, d, v, own) in enumerate(
-            zip(ports, *motions, of_each(ports, now), strict=True)
+            zip(ports, *motions, of_each(ports, now, *motions), strict=True)
         )
     ]
     return jnp.stack(found, axis=1)

@@ -24,6 +24,7 @@ from ..effects.base import (
     AbstractLinear,
     AbstractOverSpeed,
     AbstractUnequal,
+    names_beside,
 )
 from ..scene import Scene
 from ..shafts.cased import CasedLine
@@ -132,13 +133,13 @@ def _restraint(scene: Scene) -> Float[Array, "m m"]:
 
 
 def _line(scene: Scene) -> AbstractLine:
-    """The shaft as a rigid one, with casings, in coordinates of unit displacements."""
-    casings = tuple(casing.name for casing in scene.of(AbstractCasing))
+    """The shaft as a rigid one, with what is beside it, in coordinates of unit displacements."""
     length = scene.shaft.length
     motions = jnp.array(scene.shaft.rigid_motions, float).reshape(-1, 2)
     sizes = jnp.abs(motions) @ jnp.stack([jnp.ones_like(length), length])
     line = RigidLine(motions=motions / sizes[:, None], length=length)
-    return CasedLine(line=line, casings=casings, anisotropy=None) if casings else line
+    beside = names_beside(scene.effects)
+    return CasedLine(line=line, names=beside, anisotropy=None) if beside else line
 
 
 def _described(scene: Scene, null: np.ndarray) -> str:

@@ -17,6 +17,7 @@ from ..effects.base import (
     AbstractBetween,
     AbstractBodies,
     AbstractContact,
+    AbstractOwnCoordinates,
     AbstractUnequal,
 )
 from ..effects.law import AbstractLaw, Now, States
@@ -144,7 +145,8 @@ class System(eqx.Module):
 
         Elementwise laws take the motion of several lanes, (p, 2, lanes).
         """
-        motions = zip(self.ports, displacement, velocity, of_each(self.ports, now), strict=True)
+        own = of_each(self.ports, now, displacement, velocity)
+        motions = zip(self.ports, displacement, velocity, own, strict=True)
         return jnp.concatenate([port.forces(d, v, own) for port, d, v, own in motions])[self._order]
 
     def clearances(self, displacement: Array) -> Float[Array, " k"]:
@@ -196,6 +198,12 @@ def _assembled(scene: Scene, together: tuple[tuple[int, ...], ...]) -> System:
         places = tuple(int(k) for i in own for k in range(first[i], first[i + 1]))
         ports.append(Port(row, column, at, laws, on=on, places=places))
         members += own
+    for i, group in enumerate(together):  # sensors: ports without laws, which follow all others
+        sensor, on = sensor_of(contacts[group[0]]), contacts[group[0]].on
+        if sensor is not None:
+            ports[i] = dataclasses.replace(ports[i], reads=len(ports))
+            row, column = ends(line, sensor, on)
+            ports.append(Port(row, 0 * column, sensor, (), on=on))
     races = [Race(line.row(b.at), line.column(b.at), b.at, b) for b in scene.of(AbstractBodies)]
     return System(
         line,
@@ -266,7 +274,7 @@ def has_massless(scene: Scene, system: System | None = None) -> bool | None:
     with inertia has none.
     """
     if scene.shaft.has_mass:
-        return False
+        return bool(scene.of(AbstractOwnCoordinates))
     system = assemble(scene) if system is None else system
     inertia = system.blocks.inertia
     if not system.n:  # a rigid axis held fast, which rotates only
@@ -297,18 +305,30 @@ def port_groups(scene: Scene) -> tuple[tuple[int, ...], ...]:
     What reads no displacement at its station, as a hinge, has a port of its own.
     Stations are the same if they are one traced value, or known and equal. Contacts with separately
     traced stations have ports of their own, so that a derivative by one station moves that contact alone.
+    Contacts with other sensors have ports of their own, too.
     """
     groups: list[tuple[AbstractContact, list[int]]] = []
-    same = lambda a, b: a is b or known(a) and known(b) and float(a) == float(b)
+
+    def same(a: Any, b: Any) -> bool:
+        if a is None or b is None:
+            return a is b
+        return a is b or known(a) and known(b) and float(a) == float(b)
+
     for i, contact in enumerate(scene.of(AbstractContact)):
         for first, group in groups:
             alone = contact.own_port or first.own_port
-            if not alone and contact.on == first.on and same(contact.at, first.at):
+            alike = same(contact.at, first.at) and same(sensor_of(contact), sensor_of(first))
+            if not alone and contact.on == first.on and alike:
                 group.append(i)
                 break
         else:
             groups.append((contact, [i]))
     return tuple(tuple(group) for _, group in groups)
+
+
+def sensor_of(contact: AbstractContact) -> Scalar | None:
+    """Station of the sensor of a contact [m]; None: its law reads where it acts."""
+    return getattr(contact, "sensor", None)
 
 
 def _stack(laws: list[AbstractLaw]) -> AbstractLaw:

@@ -14,7 +14,7 @@ from ..core.compiled import compiled
 from ..core.pilot import Pilot, refined
 from ..core.progress import waiting
 from ..core.quantities import known
-from ..effects.base import AbstractBodies
+from ..effects.base import AbstractBodies, AbstractContact
 from ..equations.rotating_frame import massless_of
 from ..equations.speed_tables import check_tables, has_tables
 from ..equations.start import AbstractStart, Balls, Continued, Launch
@@ -150,11 +150,21 @@ def run_up(
             "The motion did not stay finite, or the solver could not meet its tolerance: take a larger "
             "`max_steps` or more `substeps`, check whether the drive runs away (`Drive(odd=True)` "
             "brakes at any sign of the speed), or take more `max_stops` if it stops often."
+            + _walls(begun)
         )
     if isinstance(scene.spin, Drive) and known(motion.run.turning.speed):
         scene.spin.check_drag(motion.run.turning.speed)
     name = solver_name(plan.solver)
     return _result(scene, times, stations, motion, (name, f"{name} {why}"), pilots)
+
+
+def _walls(scene: Scene) -> str:
+    """A sentence on bearings that have no force at their wall and beyond, for a motion that ended."""
+    walled = [one for one in scene.of(AbstractContact) if one.walled]
+    if not walled:
+        return ""
+    names = ", ".join(map(scene.name_of, walled))
+    return f" At the wall of a bearing ({names}) there is no force: see if the shaft came there."
 
 
 def integration_of(

@@ -8,8 +8,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from ..core.compiled import compiled_quickly
 from ..core.quantities import Scalar, known
+from ..effects.law import Now
 from ..equations.pencil import Pencil
+from ..equations.port import rates_of_states
 from ..equations.system import System
 from ..spins.base import Turning
 from ..spins.constant import constant
@@ -83,7 +86,7 @@ def coupled_steps(
 
     A turn has `revolution` of them at the fastest of these: the speeds that are expected, balls that roll
     past the shaft by `ball_rate` [rad/s], and the first natural frequency, since whirl may turn a rotor
-    at rest. The torque of a drive and the drag of balls change little in a step.
+    at rest. The torque of a drive, the drag of balls and states of laws change little in a step.
     """
     whirl = float(Pencil.mean(system.at_rest).rate)
     fastest = max(np.abs(speeds).max() + ball_rate, whirl if np.isfinite(whirl) else 0.0)
@@ -98,4 +101,19 @@ def coupled_steps(
         drag = jnp.abs(jax.jvp(bodies.drag, (none,), (one,))[1])
         masses = jnp.where(bodies.masses > 0, bodies.masses, jnp.inf)
         rates.append(float(jnp.max(drag / (bodies.rolling * masses * bodies.race_radius))))
+    if system.state_count:
+        own = np.linalg.eigvals(np.nan_to_num(np.asarray(_by_states(system))))
+        rates.append(float(np.abs(own).max()))
     return max(steps_between(length, fastest, revolution), math.ceil(length * max(rates)))
+
+
+@compiled_quickly
+def _by_states(system: System) -> Float[Array, "s s"]:
+    """Derivative of the rates of the states of laws by them, of a straight rotor at the start [1/s]."""
+    still = jnp.zeros((len(system.ports), 2))
+
+    def rates(states: Array) -> Array:
+        now = Now(system.spin.speed, jnp.zeros(()), states)
+        return rates_of_states(system.ports, still, still, now)
+
+    return jax.jacfwd(rates)(system.begin())

@@ -17,6 +17,7 @@ from ..core.plane import plane
 from ..core.quantities import Scalar
 from ..effects.law import Now
 from ..equations.pencil import Pencil
+from ..equations.port import of_each
 from ..equations.system import System
 
 
@@ -80,13 +81,13 @@ class Balance(eqx.Module):
         parts = [plane(part, axis=-1) for part in in_time]
         speed = self.system.spin.speed
         angle = 2 * jnp.pi * self.revolutions / self.samples * jnp.arange(self.samples)
-        totals = [
-            jax.vmap(lambda z, v, angle, port=port: port.forces(z, v, Now(speed, angle)).sum(0))(
-                parts[0][:, i], parts[1][:, i], angle
-            )
-            for i, port in enumerate(self.system.ports)
-        ]
-        total = jnp.stack(totals, axis=1)
+
+        def at(places: Array, velocities: Array, angle: Array) -> Float[Array, "p 2"]:
+            now = of_each(self.system.ports, Now(speed, angle), places, velocities)
+            motions = zip(self.system.ports, places, velocities, now, strict=True)
+            return jnp.stack([port.forces(d, v, own).sum(0) for port, d, v, own in motions])
+
+        total = jax.vmap(at)(parts[0], parts[1], angle)
         return jnp.fft.fft(total[..., 0] + 1j * total[..., 1], axis=0, norm="forward")[self.orders]
 
     def residual(self, x: Float[Array, " a"]) -> Float[Array, " a"]:

@@ -30,6 +30,7 @@ from .reactions import (
 )
 from .response import response as response
 from .rotor import rotor as rotor
+from .sensitivity import sensitivity as sensitivity
 from .spectra import (
     harmonics as harmonics,
     waterfall as waterfall,

@@ -1,4 +1,4 @@
-"""Elastic line of a shaft with casings beside it, whose displacements are further coordinates."""
+"""Elastic line of a shaft with further coordinates beside it: casings, and those of other effects."""
 
 from typing import Any
 
@@ -16,11 +16,12 @@ from .virtual import VirtualLine
 class CasedLine(AbstractLine):
     """`z(x) = (row(x), 0) . q` on the shaft, `z_k = (0 .. 1 .. 0) . q` of a casing; these come last.
 
-    A force on a casing enters its own equation as it is.
+    A force on a casing enters its own equation as it is. Effects may have coordinates of their own, which
+    come between the two.
     """
 
     line: AbstractLine  # of the shaft alone
-    casings: tuple[str, ...] = eqx.field(static=True)  # names
+    names: tuple[str, ...] = eqx.field(static=True)  # of the coordinates beside the shaft
     anisotropy: Scalar | None
 
     @property
@@ -45,18 +46,18 @@ class CasedLine(AbstractLine):
     def load_along(self, per_length: PerLength) -> Float[Array, " n"]:
         return self._padded(self.line.load_along(per_length))
 
-    def of_casing(self, name: str) -> Float[Array, " n"]:
-        """Displacement of a casing as a linear form, and the term of a unit force on it."""
+    def beside(self, name: str) -> Float[Array, " n"]:
+        """Coordinate of a name as a linear form, and the term of a unit force on it."""
         own = self.line.row(self.breaks[0]).size
-        return jnp.zeros(own + len(self.casings)).at[own + self.casings.index(name)].set(1.0)
+        return jnp.zeros(own + len(self.names)).at[own + self.names.index(name)].set(1.0)
 
     def _padded(self, block: Array) -> Array:
-        return jnp.pad(block, [(0, len(self.casings))] * block.ndim)
+        return jnp.pad(block, [(0, len(self.names))] * block.ndim)
 
 
 def row_of(line: AbstractLine, place: Scalar | str) -> Float[Array, " n"]:
-    """Displacement as a linear form of the coordinates, at a station [m] or of a casing by its name."""
-    return line.row(place) if not isinstance(place, str) else _cased(line).of_casing(place)
+    """Displacement as a linear form, at a station [m] or of a casing or another coordinate by its name."""
+    return line.row(place) if not isinstance(place, str) else _cased(line).beside(place)
 
 
 def column_of(line: AbstractLine, place: Scalar | str) -> Float[Array, " r"]:
@@ -82,10 +83,10 @@ def ends(
 
 
 def _cased(line: AbstractLine) -> CasedLine:
-    """The line with casings that a line is, or that a virtual one is of."""
+    """The line with coordinates beside it that a line is, or that a virtual one is of."""
     while isinstance(line, VirtualLine):
         line = line.line
-    assert isinstance(line, CasedLine), "a scene knows the casings that its parts name"
+    assert isinstance(line, CasedLine), "a scene knows the coordinates that its parts name"
     return line
 
 
@@ -108,7 +109,7 @@ def same_shape(
         moved, turned = _rows(one, x)
         found = [moved, length * turned]
         if isinstance(one, CasedLine):
-            found += [one.of_casing(name)[None] for name in one.casings]
+            found += [one.beside(name)[None] for name in one.names]
         return np.concatenate(found)
 
     return np.linalg.lstsq(rows(finer), rows(line) @ np.asarray(q))[0]

@@ -21,8 +21,8 @@ import jax.numpy as jnp
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Bool, Float, Int
 
-from ..effects.law import Now
-from ..equations.port import Branches, Law, Port, actual, of_each
+from ..effects.law import Now, States
+from ..equations.port import AbstractPortLaw, Branches, Law, Port, actual, of_each
 from .basis import as_real
 from .crossing import Crossing, falls_through_zero, first_crossing
 from .lanes import per_lane, product
@@ -36,8 +36,8 @@ TRIES = 24  # most attempts in one step; the rest is then stepped without splitt
 BLOCK = 16  # lanes whose splits run at once
 
 
-class Along(eqx.Module):
-    """Forces of every law of a port along given branches; the actual ones where `exhausted`."""
+class Along(AbstractPortLaw):
+    """Forces and rates of every law along given branches; the actual ones where `exhausted`."""
 
     branches: tuple[Branches, ...]
     exhausted: Bool[Array, ""] | None = None
@@ -49,6 +49,12 @@ class Along(eqx.Module):
         if self.exhausted is None:
             return found
         return jnp.where(self.exhausted, port.forces(place, velocity, now), found)
+
+    def rates(self, number: int, port: Port, forces: Array, *motion: Any) -> States:
+        found = port.rates(forces, *motion, branches=self.branches[number])
+        if self.exhausted is None:
+            return found
+        return jnp.where(self.exhausted, port.rates(forces, *motion), found)
 
 
 class Split(eqx.Module):
@@ -269,8 +275,8 @@ def _motions(
     ports: tuple[Port, ...], displacement: Array, velocity: Array, now: Now
 ) -> Iterator[tuple[Port, tuple[Array, Array, Now]]]:
     """Every port with the motion there, of (2, p), or (2, p, lanes), and what its laws are given."""
-    motions = (jnp.swapaxes(x, 0, 1) for x in (displacement, velocity))
-    return zip(ports, zip(*motions, of_each(ports, now), strict=True), strict=True)
+    motions = [jnp.swapaxes(x, 0, 1) for x in (displacement, velocity)]
+    return zip(ports, zip(*motions, of_each(ports, now, *motions), strict=True), strict=True)
 
 
 def _flat(conditions: Any, lanes: tuple[int, ...]) -> Float[Array, "c ..."]:

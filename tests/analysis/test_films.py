@@ -238,7 +238,7 @@ def test_linear_analyses_ask_for_linear_films():
             ValueError, match=r"\(journal_bearing\).*`jaxrotor.linearized\(scene\)`"
         ):
             analysis(scene)
-    with pytest.raises(ValueError, match="no oil film, no seal and no rolling bearing"):
+    with pytest.raises(ValueError, match="no oil film, no seal and no rolling or magnetic"):
         jr.linearized(scene.without("journal_bearings"))
 
 

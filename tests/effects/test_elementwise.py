@@ -20,6 +20,7 @@ STOP = {"gap": 2e-5, "stiffness": 4e6, "damping": 60.0, "friction": 0.1, "rim_ra
 ROLLING = {"balls": 7, "stiffness": 1e10, "gap": 2e-5, "inner_radius": 0.04, "outer_radius": 0.06}
 SEAL = {"clearance": 4e-4, "stiffness": 6e5, "damping": 1800.0, "swirl": 0.46, "inertia": 4.0}
 SEAL |= {"exponent": 2.0, "swirl_exponent": 0.6}
+MAGNETIC = {"constant": 4e-6, "bias": 3.0, "gap": 4e-4, "kp": 15000.0, "kd": 15.0, "limit": 0.5}
 SOFT = {"blend": 1e-5, "slip": 0.05}
 LAWS = {
     "stop": jr.Limiter(0.5, 0.7, **STOP).law(),
@@ -37,6 +38,7 @@ LAWS = {
     "crack": jr.Crack(0.5, 3e5, 1e5, angle=0.3).law(),
     "crack by switch": jr.Crack(0.5, 3e5, 1e5, angle=0.3, breathing="switch").law(),
     "crack by response": jr.Crack(0.5, 3e5, angle=2.0, breathing="response").law(),
+    "magnetic bearing": jr.MagneticBearing(0.5, **MAGNETIC).law(),
     "unequal bearing": DeviatorLaw(jnp.array([2e6, 3e5]), jnp.array([40.0, 7.0])),
 }
 

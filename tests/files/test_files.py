@@ -27,7 +27,9 @@ from jaxrotor import (
     Drive,
     FlexibleShaft,
     Limiter,
+    LinearMagneticBearing,
     LoosePedestal,
+    MagneticBearing,
     Material,
     RigidShaft,
     RollingBearing,
@@ -60,6 +62,7 @@ OTHERS = [
     "dual-stiffness-rotating",
     "gyroscopic-cantilever",
     "gyroscopic-propped",
+    "magnetic-rotor",
     "oil-whirl",
     "overhung-disc",
     "overhung-fan",
@@ -287,6 +290,8 @@ ANOTHER_WAY = {  # fields of the second way to give a part, which the scene belo
     ],
     Unbalance: ["moment"],
     Crack: ["compliance", "compliance_across"],
+    MagneticBearing: ["numerator", "denominator"],
+    LinearMagneticBearing: ["numerator", "denominator"],
 }
 
 
@@ -313,6 +318,10 @@ def every_effect() -> Scene:
                 numbers["ball_radius"] = numbers["race_radius"] / 7
             if cls is RollingBearing:
                 numbers |= {"balls": 7, "exponent": 1 + numbers["exponent"]}
+            if cls is MagneticBearing:
+                numbers |= {"kp": 1e6 / 3, "limit": numbers["bias"] / 7}
+            if cls is LinearMagneticBearing:
+                numbers["name"] = f"magnet {len(members)}"
             for name in ANOTHER_WAY.get(cls, ()):
                 del numbers[name]
             members.append(cls(**numbers))
