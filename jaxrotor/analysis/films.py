@@ -131,8 +131,9 @@ def support_of(
             numbers[letter + axes] = matrix[:, i, j] if speeds is not None else matrix[0, i, j]
     turning = bearing.turning if isinstance(bearing, AbstractFluid) else False
     sense = {} if speeds is None else {"speeds": speeds, "one_sense": turning}
-    mass = {"mxx": bearing.inertia} if isinstance(bearing, Seal) else {}
-    return Support(at=bearing.at, on=bearing.on, **sense, **numbers, **mass)
+    if isinstance(bearing, Seal):
+        numbers["mxx"] = bearing.inertia
+    return Support(at=bearing.at, on=bearing.on, **sense, **numbers)
 
 
 # === equilibrium

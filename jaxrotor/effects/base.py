@@ -62,9 +62,7 @@ class AbstractOverSpeed(AbstractLinear):
     """
 
     speeds: eqx.AbstractVar[Series | None]  # nodes of the tables [rad/s]; None: there are none
-    frequencies: eqx.AbstractVar[
-        Series | None
-    ]  # nodes of tables over the frequency of whirl [rad/s]
+    frequencies: eqx.AbstractVar[Series | None]  # those over the frequency of whirl [rad/s]
     hold: eqx.AbstractVar[bool]  # whether coefficients are constant beyond the nodes
     one_sense: eqx.AbstractVar[bool]  # whether `speeds` are those of one sense of rotation
     synchronous: eqx.AbstractVar[bool]  # whether a whirl has the frequency of rotation
@@ -327,8 +325,9 @@ def check_sensors(shaft: AbstractShaft, effects: tuple[AbstractEffect, ...]) -> 
     """Raise if a sensor is where nothing can be placed on the shaft."""
     for effect in effects:
         sensor = getattr(effect, "sensor", None)
-        placed = sensor is not None and known(sensor) and known(shaft.length)
-        if placed and (reason := shaft.reason_against(float(sensor))) is not None:
+        if sensor is None or not (known(sensor) and known(shaft.length)):
+            continue
+        if (reason := shaft.reason_against(float(sensor))) is not None:
             raise ValueError(f"The sensor of a {effect.kind} at {float(sensor):g} m {reason}.")
 
 

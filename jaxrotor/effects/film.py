@@ -40,6 +40,10 @@ class AbstractFluid(AbstractContact):
         """Centre of the gap [m]."""
         return self.offset * jnp.cos(self.angle), self.offset * jnp.sin(self.angle)
 
+    @abc.abstractmethod
+    def law(self) -> "AbstractFluidLaw":
+        """Law of the fluid, with the centre of its gap computed once."""
+
 
 class AbstractFluidLaw(AbstractSmoothLaw):
     """Law of a fluid in an annular gap; the force is NaN where the gap is closed and beyond."""
@@ -83,7 +87,6 @@ class AbstractFilm(AbstractFluid):
     modes: eqx.AbstractVar[int]  # modes of the pressure along the film; 0: the short film
 
     def law(self) -> "FilmLaw":
-        """Law of the film, with the centre of its bush computed once."""
         return FilmLaw(*self.centre, film=self)
 
 

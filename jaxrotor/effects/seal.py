@@ -3,6 +3,7 @@
 from typing import ClassVar
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex
@@ -122,12 +123,14 @@ class SealLaw(AbstractFluidLaw):
     def place(self, load: Complex[Array, ""], speed: Scalar) -> Complex[Array, ""]:
         s = np.geomspace(1.0, NEAREST, PLACES)
         e = np.sqrt((1 - s) * (1 + s))
-        stiffness = self._stiffness(jnp.stack([e, np.zeros_like(e)]), speed)
-        return self.film.clearance * place_by(load, e, -self.film.clearance * e * stiffness)
+        forces = (
+            -self.film.clearance * jnp.asarray(e) * self._stiffness(jnp.stack([e, 0 * e]), speed)
+        )
+        return self.film.clearance * place_by(load, e, forces)
 
     def _stiffness(self, zeta: Plane, speed: Scalar) -> Complex[Array, "..."]:
         """`K - inertia q^2 - i q D` of a shaft at rest."""
         seal, (harder, swirl) = self.film, self._flow(zeta)
         q = swirl * speed
         mass = 0.0 if seal.inertia is None else seal.inertia
-        return harder * seal.stiffness - mass * q**2 - 1j * q * harder * seal.damping
+        return jax.lax.complex(harder * seal.stiffness - mass * q**2, -q * harder * seal.damping)

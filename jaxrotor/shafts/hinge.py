@@ -30,7 +30,7 @@ def hinge(line: AbstractLine, at: Scalar) -> Hinge:
     """The hinge of a line at a station where spans meet."""
     if isinstance(line, CasedLine):
         row, column, stiffness = hinge(line.line, at)
-        beside = (0, len(line.casings))
+        beside = (0, len(line.names))
         return Hinge(jnp.pad(row, beside), jnp.pad(column, beside), stiffness)
     if not isinstance(line, AbstractSpectralLine):
         raise ValueError(
