@@ -171,6 +171,6 @@ def check_linear(scene: Scene, speeds: Any = None) -> None:
         raise ValueError(
             f"Cracks ({names}) breathe as the shaft turns, so the rotor has no constant stiffness; take "
             "`jaxrotor.periodic`, whose multipliers tell of stability, beside "
-            '`jaxrotor.harmonic_balance`; or leave them out as closed, `scene.without("cracks")`.'
+            '`jaxrotor.harmonic_balance`; or take the crack as closed, `scene.without("cracks")`.'
         )
     check_tables(scene, speeds)

@@ -57,6 +57,14 @@ class Rebounds(NamedTuple):
         every = self._ratio(bounced=False)
         if every is not None and gains_energy(self.touched, every, solver.order):
             more = more_needed(every, solver.order)
+            stiffest = int(np.argmax([more_needed(one[None], solver.order) for one in every]))
+            member = [self.scene.of(AbstractContact)[i] for i in self.members[stiffest:][:1]]
+            if member and member[0].hinged:
+                raise RuntimeError(
+                    f"The hinge of `{self.scene.name_of(member[0])}` moves modes of the shaft that are "
+                    f"too fast for the steps: take {cure(more)}, fewer `shaft.nodes`, such as 3, or an "
+                    "implicit solver where there is one."
+                )
             raise RuntimeError(
                 "A stop was touched that is too stiff for the steps, so that a rebound would gain energy: "
                 f"take {cure(more)}, or a softer stop."
