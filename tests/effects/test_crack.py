@@ -249,7 +249,10 @@ def test_no_loss_leaves_the_shaft_as_it_is():
         (lambda: crack(compliance_across=1.0), "needs either `loss .N/m.`"),
         (lambda: jr.roots(machine(0.7)), "Cracks .crack. breathe as the shaft turns"),
         (lambda: jr.floquet_multipliers(machine(0.7)), "take `jaxrotor.periodic`, whose multipliers"),
-        (lambda: jr.unbalance_response(machine(0.7, eccentricity=0.1), [0.7]), "or take the crack as closed"),
+        (
+            lambda: jr.unbalance_response(machine(0.7, eccentricity=0.1), [0.7]),
+            "or take the crack as closed",
+        ),
         (lambda: jr.harmonic_balance(machine(0.7, "switch")), "Harmonic balance takes smooth"),
     ],
 )  # fmt: skip
