@@ -238,7 +238,7 @@ def test_linear_analyses_ask_for_linear_films():
             ValueError, match=r"\(journal_bearing\).*`jaxrotor.linearized\(scene\)`"
         ):
             analysis(scene)
-    with pytest.raises(ValueError, match="neither an oil film nor a rolling bearing"):
+    with pytest.raises(ValueError, match="neither an oil film nor a rolling or magnetic bearing"):
         jr.linearized(scene.without("journal_bearings"))
 
 

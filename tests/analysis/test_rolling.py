@@ -205,7 +205,7 @@ FILM = jr.JournalBearing(0.5, 1e-4, 0.05, 0.02, 0.01)
             FILM,
             "frozen",
             jr.static_positions,
-            "of oil films or of rolling bearings, but the scene has",
+            "of oil films, of rolling bearings or of magnetic bearings, but",
         ),
         (None, "mean", jr.roots, "give this analysis `jaxrotor.linearized.scene.`"),
         (None, None, jr.roots, "unless `linear` of each names one"),

@@ -227,7 +227,7 @@ def test_derivatives_by_every_number():
         _, slope = jax.jvp(end, (values,), (unit,))
         step = 1e-5 * value
         expected = central(lambda n, k=k, h=step: end(values.at[k].add(n * h)), step)
-        np.testing.assert_allclose(slope, expected, rtol=0, atol=2e-6 * np.abs(slope).max())
+        np.testing.assert_allclose(slope, expected, rtol=0, atol=1e-6 * np.abs(slope).max())
 
 
 def test_absent_parts_have_no_states():
