@@ -2,6 +2,7 @@
 
 import jax
 import jax.numpy as jnp
+import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 from differences import central
@@ -19,6 +20,7 @@ from magnetic_bearing import (
 )
 
 import jaxrotor as jr
+from jaxrotor import plot
 
 
 def closed_form(frequencies, ki=KI):
@@ -157,3 +159,12 @@ def test_refused():
     stop = jr.Limiter(0.5, angle=0.0, gap=1e-4, stiffness=1e6)
     with pytest.raises(ValueError, match=r"has contacts \(limiter\)"):
         jr.sensitivity(linear.of_parts(*linear.effects, stop))
+
+
+def test_plot_has_a_curve_of_each_unlike_loop():
+    found = jr.sensitivity(jr.linearized(machine()), np.geomspace(20.0, 3000.0, 30))
+    ax = plot.sensitivity(found)
+    labels = ax.get_legend_handles_labels()[1]
+    assert labels == ["magnetic_bearing first", "magnetic_bearing second", "peak"]
+    assert [text.get_text() for text in ax.texts] == [f"zone {letter}" for letter in "ABCD"]
+    plt.close(ax.figure)
