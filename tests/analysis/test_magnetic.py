@@ -154,6 +154,7 @@ def test_derivatives_of_rest_and_roots():
 # === sensors elsewhere
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sensor", FREE_SHAFT)
 def test_sensors_on_either_side_of_a_node(sensor):
     """A free shaft; the node of the second bending mode, at 0.132, may lie between sensor and coils."""

@@ -64,6 +64,7 @@ def test_bias_alone_pulls_onto_the_ring():
     assert abs(pull - MASS * EARTH + ring) < 1e-6
 
 
+@pytest.mark.slow
 def test_drop_onto_a_ring():
     """Coils off: the free fall, three touches, and whirl by friction on the ring."""
     ring = jr.AnnularStator(0.5, **RING, friction=0.15, rim_radius=0.02)
@@ -161,6 +162,7 @@ def test_sensor_elsewhere_on_turned_axes(limit):
     np.testing.assert_allclose(found, states[[2, 5]], rtol=0, atol=1e-7)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("order", [2, 4])
 def test_located_steps_keep_their_order_in_saturation(order):
     """Currents saturate and leave saturation; without location order 4 falls to about 3."""
