@@ -262,12 +262,6 @@ def check_casings(effects: tuple[AbstractEffect, ...]) -> None:
     Effects with coordinates of their own have names of their own, too.
     """
     owners = of_first_order(effects)
-    for effect in effects:
-        if owners and isinstance(effect, AbstractDamping) and effect.undamped:
-            raise ValueError(
-                f"A {effect.kind} is by modes of the rotor without damping, but the {owners[0].kind} has "
-                "coordinates of first order; take another damping, such as InternalDamping."
-            )
     for effect in owners:
         if sum(other.name == effect.name for other in owners) > 1:
             raise ValueError(

@@ -284,7 +284,7 @@ def test_what_needs_a_rotor_without_damping_is_refused():
     with pytest.raises(
         ValueError, match="A modal_damping is by modes of the rotor without damping"
     ):
-        scene.of_parts(*scene.effects, jr.ModalDamping([0.01]))
+        jr.roots(scene.of_parts(*scene.effects, jr.ModalDamping([0.01])))
     driven = scene.of_parts(*scene.effects, jr.Unbalance(0.5, 1.0, 1e-5))
     found = jr.response_peaks(driven, np.linspace(20.0, 2000.0, 100))
     assert not found.critical.speeds.size and 250.0 < found.speeds[0] < 400.0
