@@ -12,6 +12,7 @@ from jaxtyping import Array, Bool, Complex, Float, Int
 from ..core.compiled import compiled_quickly
 from ..core.quantities import Scalar, known, on_host
 from ..core.tables import RPM, notebook_table
+from ..effects.base import of_first_order
 from ..equations.pencil import check_moves, frame, is_rounding, isotropic
 from ..equations.speed_tables import check_no_tables
 from ..equations.system import System, assemble
@@ -128,6 +129,7 @@ def critical_speeds(scene: Scene, count: int | None = None, points: int = 101) -
     """
     scene = resolved(synchronous(scene), None if count is None else 2 * count)
     check_linear(scene, [])
+    _check_undamped(scene)
     found = dataclasses.replace(_synchronous(scene, assemble(scene), points), count=count)
     if not known(found.speeds):
         return found
@@ -138,8 +140,24 @@ def critical_speeds(scene: Scene, count: int | None = None, points: int = 101) -
     return found.where(chosen)
 
 
+def _check_undamped(scene: Scene) -> None:
+    """Raise if coordinates are of first order, of which nothing is left without damping."""
+    if owners := of_first_order(scene.effects):
+        names = ", ".join(scene.name_of(owner) for owner in owners)
+        raise ValueError(
+            f"Critical speeds are those of the rotor without damping, but controllers ({names}) have none "
+            "without their first-order terms; look at `jaxrotor.response_peaks` or `jaxrotor.campbell`."
+        )
+
+
 def critical_between(scene: Scene, low: float, high: float) -> CriticalSpeeds:
-    """Critical speeds of either sense in a range of speeds [rad/s], by rising magnitude."""
+    """Critical speeds of either sense in a range of speeds [rad/s], by rising magnitude.
+
+    A rotor with coordinates of first order has none.
+    """
+    if of_first_order(scene.effects):
+        every = _synchronous(scene, assemble(scene), 2)
+        return every.where(np.zeros(len(every.kinds), bool))
     own = float(scene.spin.sense)
     senses = [sense for sense in (1.0, -1.0) if max(sense * low, sense * high) > 0]
     both = [critical_speeds(scene if s == own else scene.at_speed(s)) for s in senses or [own]]
@@ -231,6 +249,7 @@ def axis_speeds(scene: Scene) -> AxisSpeeds:
     Source: Klochkov, eqs. (16), (17).
     """
     check_linear(scene, [])
+    _check_undamped(scene)
     check_no_tables(scene, "`axis_speeds`")
     speeds = _axis_speeds(assemble(scene))
     if known(speeds[0]) and jnp.any(jnp.isnan(speeds[0])):

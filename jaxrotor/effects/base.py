@@ -117,6 +117,8 @@ class AbstractOverSpeed(AbstractLinear):
 class AbstractDamping(AbstractEffect):
     """Effect that damps the rotor in proportion to the inertia and stiffness that other parts give it."""
 
+    undamped: ClassVar[bool] = False  # whether it takes modes of the rotor without any damping
+
     @abc.abstractmethod
     def damping(self, line: AbstractLine, blocks: Blocks, motion: Blocks) -> Blocks:
         """Blocks of this effect.
@@ -276,7 +278,7 @@ def check_casings(effects: tuple[AbstractEffect, ...]) -> None:
 
     Effects with coordinates of their own have names of their own, too.
     """
-    owners = [effect for effect in effects if isinstance(effect, AbstractOwnCoordinates)]
+    owners = of_first_order(effects)
     for effect in owners:
         if sum(other.name == effect.name for other in owners) > 1:
             raise ValueError(
@@ -299,9 +301,14 @@ def check_casings(effects: tuple[AbstractEffect, ...]) -> None:
             )
 
 
+def of_first_order(effects: tuple[AbstractEffect, ...]) -> list[AbstractOwnCoordinates]:
+    """Effects that have coordinates of their own."""
+    return [one for one in effects if isinstance(one, AbstractOwnCoordinates) and one.own]
+
+
 def names_beside(effects: tuple[AbstractEffect, ...]) -> tuple[str, ...]:
     """Names of the coordinates beside the shaft: own ones of effects, then those of casings."""
-    own = [name for one in effects if isinstance(one, AbstractOwnCoordinates) for name in one.own]
+    own = [name for one in of_first_order(effects) for name in one.own]
     return *own, *(one.name for one in effects if isinstance(one, AbstractCasing))
 
 

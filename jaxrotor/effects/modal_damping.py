@@ -29,6 +29,7 @@ class ModalDamping(AbstractDamping):
 
     kind: ClassVar[str] = "modal_damping"
     plural: ClassVar[str] = "modal_dampings"
+    undamped: ClassVar[bool] = True
 
     ratios: Series = series("ratios [1]", least=1, nonnegative=True)
 

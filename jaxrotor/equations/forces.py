@@ -90,10 +90,13 @@ def state_rates(
 
 def port_motion(system: System, now: Kinematics) -> Iterator[tuple[Port, tuple[Array, Array, Now]]]:
     """Every port, its displacement and velocity [x, y] in fixed axes, and what its laws are given."""
-    along = lambda part: [plane(port.row @ part * now.turn) for port in system.ports]
-    motion = along(now.r), along(now.velocity)
-    own = of_each(system.ports, now.of_laws, *motion)
-    yield from zip(system.ports, zip(*motion, own, strict=True), strict=True)
+    motions = []
+    for port in system.ports:
+        place, velocity = port.row @ now.r, port.row @ now.velocity
+        motions.append((plane(place * now.turn), plane(velocity * now.turn)))
+    places, velocities = ([motion[k] for motion in motions] for k in (0, 1))
+    own = of_each(system.ports, now.of_laws, places, velocities)
+    yield from zip(system.ports, zip(places, velocities, own, strict=True), strict=True)
 
 
 # === rolling bodies

@@ -17,6 +17,7 @@ from ..effects.base import (
     AbstractLoad,
     AbstractOverSpeed,
     Ends,
+    of_first_order,
 )
 from ..scene import Scene
 from ..shafts.line import AbstractLine
@@ -45,6 +46,13 @@ def blocks_of_parts(scene: Scene, line: AbstractLine) -> Parts:
     dampings = scene.of(AbstractDamping)
     if not dampings:
         return parts
+    owners = of_first_order(scene.effects)
+    for one in dampings:
+        if owners and one.undamped:
+            raise ValueError(
+                f"A {one.kind} is by modes of the rotor without damping, but the {owners[0].kind} has "
+                "coordinates of first order; take another damping, such as InternalDamping."
+            )
     blocks = motion = sum(parts.values(), Blocks())
     if isinstance(line, VirtualLine):
         motion = sum(_linear_parts(scene, line.line).values(), Blocks())

@@ -17,8 +17,8 @@ from ..effects.base import (
     AbstractBetween,
     AbstractBodies,
     AbstractContact,
-    AbstractOwnCoordinates,
     AbstractUnequal,
+    of_first_order,
 )
 from ..effects.law import AbstractLaw, Now, States
 from ..scene import Scene
@@ -274,7 +274,7 @@ def has_massless(scene: Scene, system: System | None = None) -> bool | None:
     with inertia has none.
     """
     if scene.shaft.has_mass:
-        return bool(scene.of(AbstractOwnCoordinates))
+        return bool(of_first_order(scene.effects))
     system = assemble(scene) if system is None else system
     inertia = system.blocks.inertia
     if not system.n:  # a rigid axis held fast, which rotates only

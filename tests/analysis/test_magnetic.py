@@ -154,6 +154,7 @@ def test_derivatives_of_rest_and_roots():
 # === sensors elsewhere
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sensor", FREE_SHAFT)
 def test_sensors_on_either_side_of_a_node(sensor):
     """A free shaft; the node of the second bending mode, at 0.132, may lie between sensor and coils."""
@@ -273,3 +274,17 @@ def test_linearized_keeps_the_controller():
         straight, np.sort_complex(jr.roots(jr.linearized(machine()))), rtol=1e-9
     )
     assert bearing().law().factors[0] == pytest.approx(PER_AMPERE)
+
+
+def test_what_needs_a_rotor_without_damping_is_refused():
+    """Critical speeds would hold each sensor fast, by the integral that is left without damping."""
+    scene = free_shaft(0.1, nodes=4)
+    with pytest.raises(ValueError, match="Critical speeds are those of the rotor without damping"):
+        jr.critical_speeds(scene)
+    with pytest.raises(
+        ValueError, match="A modal_damping is by modes of the rotor without damping"
+    ):
+        jr.roots(scene.of_parts(*scene.effects, jr.ModalDamping([0.01])))
+    driven = scene.of_parts(*scene.effects, jr.Unbalance(0.5, 1.0, 1e-5))
+    found = jr.response_peaks(driven, np.linspace(20.0, 2000.0, 100))
+    assert not found.critical.speeds.size and 250.0 < found.speeds[0] < 400.0

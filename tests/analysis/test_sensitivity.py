@@ -2,6 +2,7 @@
 
 import jax
 import jax.numpy as jnp
+import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 from differences import central
@@ -19,6 +20,7 @@ from magnetic_bearing import (
 )
 
 import jaxrotor as jr
+from jaxrotor import plot
 
 
 def closed_form(frequencies, ki=KI):
@@ -28,6 +30,7 @@ def closed_form(frequencies, ki=KI):
     return 1 / (1 + PER_AMPERE * wanted / (1 + LAG * p) / (MASS * p**2 - NEGATIVE))
 
 
+@pytest.mark.slow
 def test_peaks_of_a_mass():
     """Centred; along the weight, whose axis is the second; and without an integral."""
     centred = jr.sensitivity(jr.linearized(machine(weight=0.0)))
@@ -60,6 +63,7 @@ def test_values_and_gain_margins_of_a_mass():
     np.testing.assert_allclose(least[:, 0], NEGATIVE / (PER_AMPERE * KP), rtol=1e-12)
 
 
+@pytest.mark.slow
 def test_one_loop_with_the_other_closed():
     """Sensors on the other side of a node from their coils; the peak below the bending modes."""
     scene = free_shaft(0.16, nodes=16)
@@ -73,10 +77,11 @@ def test_one_loop_with_the_other_closed():
     assert np.ptp(every.peaks) < 1e-6 and every.peaks[0] > 3.4
 
 
-def test_gyroscopic_loops_of_turned_axes():
+@pytest.mark.parametrize("lag", [LAG, None])
+def test_gyroscopic_loops_of_turned_axes(lag):
     """`S` by a dense matrix of the test's own: two bearings, axes turned, at speed, one loop cut."""
     shaft, disc = jr.RigidShaft(1.0), jr.Disc(0.4, 8.0, diametral=0.2, polar=0.35)
-    gains = {"kp": 15000.0, "kd": 15.0, "filter": FILTER, "lag": LAG}
+    gains = {"kp": 15000.0, "kd": 15.0, "filter": FILTER, "lag": lag}
     speed, angle = 900.0, 0.4
     across = {"current_across": 280.0, "position_across": 2.0e6}
     bearings = [
@@ -90,7 +95,7 @@ def test_gyroscopic_loops_of_turned_axes():
     turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
     for k, w in enumerate(frequencies):
         p = 1j * w
-        control = (gains["kp"] + gains["kd"] * p / (1 + FILTER * p)) / (1 + LAG * p)
+        control = (gains["kp"] + gains["kd"] * p / (1 + FILTER * p)) / (1 + (lag or 0.0) * p)
         # Coordinates: displacements (x, y) at 0 and tilts (x, y); `a` reads a station.
         reads = [np.hstack([np.eye(2), at * np.eye(2)]) for at in (0.1, 0.9)]
         disc_at = np.hstack([np.eye(2), 0.4 * np.eye(2)])
@@ -112,6 +117,7 @@ def test_gyroscopic_loops_of_turned_axes():
                 np.testing.assert_allclose(found.values[2 * j + axis, k], wanted, rtol=1e-9)
 
 
+@pytest.mark.slow
 def test_derivatives_of_peaks():
     """Through the static position and the peak, by the gains and the lag."""
     numbers = {"kp": KP, "ki": KI, "kd": KD, "lag": LAG}
@@ -157,3 +163,12 @@ def test_refused():
     stop = jr.Limiter(0.5, angle=0.0, gap=1e-4, stiffness=1e6)
     with pytest.raises(ValueError, match=r"has contacts \(limiter\)"):
         jr.sensitivity(linear.of_parts(*linear.effects, stop))
+
+
+def test_plot_has_a_curve_of_each_unlike_loop():
+    found = jr.sensitivity(jr.linearized(machine()), np.geomspace(20.0, 3000.0, 30))
+    ax = plot.sensitivity(found)
+    labels = ax.get_legend_handles_labels()[1]
+    assert labels == ["magnetic_bearing first", "magnetic_bearing second", "peak"]
+    assert [text.get_text() for text in ax.texts] == [f"zone {letter}" for letter in "ABCD"]
+    plt.close(ax.figure)
