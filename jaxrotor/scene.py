@@ -25,10 +25,8 @@ from .core.plausibility import warn_implausible
 from .core.quantities import known, quantity_units
 from .core.representation import number_text
 from .core.tables import notebook_table
-from .effects.base import (
-    AbstractCasing,
-    AbstractContact,
-    AbstractEffect,
+from .effects.base import AbstractCasing, AbstractContact, AbstractEffect
+from .effects.places import (
     check_casing,
     check_casings,
     check_hinges,

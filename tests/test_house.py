@@ -172,6 +172,7 @@ def test_core_knows_no_concrete_effect_or_shaft(path):
     allowed = {
         ("effects", "base"),
         ("effects", "law"),
+        ("effects", "places"),
         *(("shafts", name) for name in ("line", "cased", "hinge", "virtual")),
     }
     known = {there for there in imports(path)[0] if there[0] in ("effects", "shafts")}

@@ -12,7 +12,7 @@ from jaxtyping import Array, Bool, Complex, Float, Int
 from ..core.compiled import compiled_quickly
 from ..core.quantities import Scalar, known, on_host
 from ..core.tables import RPM, notebook_table
-from ..effects.base import of_first_order
+from ..effects.places import of_first_order
 from ..equations.pencil import check_moves, frame, is_rounding, isotropic
 from ..equations.speed_tables import check_no_tables
 from ..equations.system import System, assemble

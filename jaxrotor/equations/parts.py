@@ -17,8 +17,8 @@ from ..effects.base import (
     AbstractLoad,
     AbstractOverSpeed,
     Ends,
-    of_first_order,
 )
+from ..effects.places import of_first_order
 from ..scene import Scene
 from ..shafts.line import AbstractLine
 from ..shafts.virtual import VirtualLine

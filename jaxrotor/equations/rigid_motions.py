@@ -24,8 +24,8 @@ from ..effects.base import (
     AbstractLinear,
     AbstractOverSpeed,
     AbstractUnequal,
-    names_beside,
 )
+from ..effects.places import names_beside
 from ..scene import Scene
 from ..shafts.cased import CasedLine
 from ..shafts.line import AbstractLine, RigidLine

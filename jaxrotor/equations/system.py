@@ -18,9 +18,9 @@ from ..effects.base import (
     AbstractBodies,
     AbstractContact,
     AbstractUnequal,
-    of_first_order,
 )
 from ..effects.law import AbstractLaw, Now, States
+from ..effects.places import of_first_order
 from ..scene import Scene
 from ..shafts.cased import ends
 from ..shafts.line import AbstractLine
