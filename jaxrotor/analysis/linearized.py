@@ -17,6 +17,9 @@ from .magnetic import MagneticPositions, magnetic_positions, with_linear_bearing
 from .rolling import RollingPositions, freeze_of, rolling_positions
 
 
+BEARINGS = (AbstractFluid, RollingBearing, MagneticBearing)  # linear about a static position
+
+
 def static_positions(
     scene: Scene, speeds: Any = None
 ) -> StaticPositions | RollingPositions | MagneticPositions:
@@ -67,7 +70,7 @@ def static_positions(
 
 def _kind_of(scene: Scene) -> type:
     """Kind of bearings that a static position is of; raises unless a scene has one of these kinds."""
-    kinds = [kind for kind in (AbstractFluid, RollingBearing, MagneticBearing) if scene.of(kind)]
+    kinds = [kind for kind in BEARINGS if scene.of(kind)]
     if not kinds:
         raise ValueError(
             "The scene has no oil film, no seal and no rolling or magnetic bearing; add one, such as a "

@@ -8,8 +8,9 @@ import numpy as np
 import typer
 from jaxtyping import Array
 
-from ..analysis import Modes, Onset, modes, onset_speed
+from ..analysis import Modes, Onset, linearized, modes, onset_speed
 from ..analysis.growth import growth_rates
+from ..analysis.linearized import BEARINGS
 from ..analysis.modal import kind_of_whirl
 from ..analysis.resolved import resolved
 from ..analysis.whirl_tables import OverWhirl
@@ -33,14 +34,15 @@ def roots(
 ) -> None:
     """Complex roots: whirl frequencies, damping, direction and stability, without contact.
 
-    The logarithmic decrement (log dec) is `-2 pi Re / |Im|` of a root.
+    The logarithmic decrement (log dec) is `-2 pi Re / |Im|` of a root. In films, seals, rolling and
+    magnetic bearings the roots are those about the static position at the speed.
 
     jaxrotor roots limiter-rotor --speed 6000rpm --count 4
     """
     rotor = options.scene_with(scene, settings)
     if speed is not None:
         rotor = rotor.at_speed(quantity(speed, "rad/s", "--speed"))
-    axes, found = described_roots(resolved(rotor, count), count)
+    axes, found = described_roots(resolved(linear_at_speed(rotor), count), count)
     facts = {"scene": scene, "speed": rotor.spin.speed, "axes": axes, "roots": found}
     rotating = axes == "rotating"
     rows = [
@@ -133,6 +135,11 @@ def _range(low: str | None, high: str | None) -> tuple[float, float] | None:
 def axes_of(rotor: Scene) -> str:
     """Axes of the roots: "fixed", or "rotating" with the shaft."""
     return frame(structure(rotor).blocks)
+
+
+def linear_at_speed(scene: Scene) -> Scene:
+    """A scene with its films, seals, rolling and magnetic bearings linear about the static position."""
+    return linearized(scene) if any(map(scene.of, BEARINGS)) else scene
 
 
 def described_roots(rotor: Scene, count: int | None = None) -> tuple[str, list[dict[str, Any]]]:

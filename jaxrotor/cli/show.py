@@ -11,6 +11,7 @@ import numpy as np
 import typer
 
 from ..analysis import Onset, onset_speed
+from ..analysis.linearized import check_linear
 from ..analysis.modal import KINDS
 from ..analysis.resolved import resolved
 from ..analysis.static_instability import static_instability
@@ -25,7 +26,7 @@ from ..scene import Scene
 from . import answer, options
 from .axis_units import angle_unit, axis_units, written_in
 from .campbell import described_critical, end_of_search
-from .linear import described_onset, described_roots
+from .linear import described_onset, described_roots, linear_at_speed
 from .output import files_in
 
 
@@ -74,13 +75,19 @@ def show(
             files.picture("rotor.png", lambda ax: fit(drawn(rotor, ax)), 170, 75)
     parameters = {path: _parameter(rotor, path) for path in rotor.paths()}
     nodes = getattr(rotor.shaft, "nodes", None)
-    finer = resolved(rotor, 2 * _SHOWN)
-    coordinates = assemble(finer).n  # compiled before the threads, which all need it
-    if finer.resolution != rotor.resolution:
-        coordinates = structure(rotor).n
-    (axes, found, still), (critical, no_critical), (onset, why) = in_threads(
-        lambda question: question(finer), (_whirling, _critical, _onset)
-    )
+    _, refused = _or_why(lambda: check_linear(rotor))
+    if refused:  # what depends on the static position is known at one speed alone
+        coordinates, no_critical, why = structure(rotor).n, refused, refused
+        still, critical, onset = None, None, None
+        axes, found = _or_why(lambda: described_roots(linear_at_speed(rotor)))[0] or ("fixed", [])
+    else:
+        finer = resolved(rotor, 2 * _SHOWN)
+        coordinates = assemble(finer).n  # compiled before the threads, which all need it
+        if finer.resolution != rotor.resolution:
+            coordinates = structure(rotor).n
+        (axes, found, still), (critical, no_critical), (onset, why) = in_threads(
+            lambda question: question(finer), (_whirling, _critical, _onset)
+        )
     whirl = {kind: _whirl(found, kind) for kind in KINDS}
     end = end_of_search(rotor, critical, _SHOWN) if critical else ""
     notes = _notes(scene, rotor)
@@ -116,12 +123,12 @@ def show(
             **_note_texts(**notes),
             "nodes of each span": nodes and f"{spans} (shaft.nodes = {nodes})",
             "coordinates": f"{coordinates}, complex x + iy" + _CONDENSED * bool(rotor.attached),
-            "whirl at standstill": speeds(still),
+            "whirl at standstill": still is not None and speeds(still),
             **{f"{kind}, at speed": speeds(own) for kind, own in whirl.items() if own},
         }
     )
-    rows += _critical_rows(critical, no_critical, rate)
-    lost = f"at {speeds(onset['speed'])}" if onset else why
+    rows += _critical_rows(critical, no_critical.partition("; give")[0], rate)
+    lost = f"at {speeds(onset['speed'])}" if onset else not refused and why
     rows += answer.filled({"critical": end, "loses stability": lost})
     answer.give(as_json, facts, table, rows + files.rows)
 
