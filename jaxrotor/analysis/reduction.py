@@ -7,6 +7,7 @@ from jaxtyping import Array, Float
 from ..core import linalg
 from ..core.compiled import compiled_quickly
 from ..core.quantities import Scalar, check, known
+from ..effects.places import of_first_order
 from ..equations.pencil import check_alike
 from ..equations.system import System, assemble
 from ..scene import Scene
@@ -41,12 +42,18 @@ def reduction(scene: Scene, at) -> Reduction:
         `Reduction`: equivalent massless shaft, mass and condensed mass matrix. Differentiable.
 
     Raises:
-        ValueError: the axes are unequal, the station cannot move or has no slope, or nothing holds
-            the rotor.
+        ValueError: the axes are unequal, the station cannot move or has no slope, nothing holds the
+            rotor, or controllers of magnetic bearings do.
 
     Source: Brysin, Nikiforov (2019), eqs. (7)-(10).
     """
     check_linear(scene)
+    if owners := of_first_order(scene.effects):
+        names = ", ".join(map(scene.name_of, owners))
+        raise ValueError(
+            f"A reduction is by the stiffness of the rotor, but that of {names} comes from controllers; "
+            "put a Support in place of each."
+        )
     (at,) = scene.stations(at)
     length = scene.shaft.length
     flexibility, moved, condition = _static(assemble(ending_span(scene, at)), at)

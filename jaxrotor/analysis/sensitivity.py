@@ -26,11 +26,8 @@ from .linearized import check_linear
 
 
 ZONES = {"A": 3.0, "B": 4.0, "C": 5.0}  # largest |S| of each; beyond is D
-LOWEST, HIGHEST, COUNT = (
-    1.0,
-    2000.0,
-    400,
-)  # [Hz]; the standard asks for 2 kHz or three times the speed
+# Frequencies by default [Hz], and how many; the standard asks for 2 kHz or three times the speed:
+LOWEST, HIGHEST, COUNT = 1.0, 2000.0, 400
 TIMES = 3  # the speed
 AROUND = (-2.0, -1.0, -0.5, 0.0, 0.5, 1.0, 2.0)  # decay rates beside the frequency of a root
 LETTERS = "ABCD"
@@ -47,7 +44,7 @@ class Sensitivity(eqx.Module):
     peaks: Float[Array, " l"]  # largest |S| [1]
     peak_frequencies: Float[Array, " l"]  # [rad/s]
     # Factors of the gain of each loop, below and above 1, at which it becomes unstable; 0 and infinity
-    # where there is none:
+    # where none is found up to the last frequency:
     gain_margins: Float[Array, "l 2"]
     growth: Scalar  # largest real part of the roots of the rotor with all loops closed [1/s]
     loops: tuple[str, ...] = eqx.field(static=True)  # names of bearings, each with its axis
@@ -85,7 +82,8 @@ def sensitivity(scene: Scene, frequencies: Any = None) -> Sensitivity:
 
     Every bearing has two loops, one along each of its axes. The signal is added in the closed linear
     system, so the loop of one axis is cut and all others are closed. Peaks and gain margins are refined
-    between the frequencies; peaks on the end of them are those of the end.
+    between the frequencies; peaks on the end of them are those of the end, and a margin by what
+    happens beyond the last one is not found.
 
     Args:
         scene: a rotor with at least one `LinearMagneticBearing`, such as `jaxrotor.linearized(scene)`.

@@ -75,19 +75,9 @@ def show(
             files.picture("rotor.png", lambda ax: fit(drawn(rotor, ax)), 170, 75)
     parameters = {path: _parameter(rotor, path) for path in rotor.paths()}
     nodes = getattr(rotor.shaft, "nodes", None)
-    _, refused = _or_why(lambda: check_linear(rotor))
-    if refused:  # what depends on the static position is known at one speed alone
-        coordinates, no_critical, why = structure(rotor).n, refused, refused
-        still, critical, onset = None, None, None
-        axes, found = _or_why(lambda: described_roots(linear_at_speed(rotor)))[0] or ("fixed", [])
-    else:
-        finer = resolved(rotor, 2 * _SHOWN)
-        coordinates = assemble(finer).n  # compiled before the threads, which all need it
-        if finer.resolution != rotor.resolution:
-            coordinates = structure(rotor).n
-        (axes, found, still), (critical, no_critical), (onset, why) = in_threads(
-            lambda question: question(finer), (_whirling, _critical, _onset)
-        )
+    refused, coordinates, (axes, found, still), (critical, no_critical), (onset, why) = _linear(
+        rotor
+    )
     whirl = {kind: _whirl(found, kind) for kind in KINDS}
     end = end_of_search(rotor, critical, _SHOWN) if critical else ""
     notes = _notes(scene, rotor)
@@ -131,6 +121,21 @@ def show(
     lost = f"at {speeds(onset['speed'])}" if onset else not refused and why
     rows += answer.filled({"critical": end, "loses stability": lost})
     answer.give(as_json, facts, table, rows + files.rows)
+
+
+def _linear(rotor: Scene) -> tuple[str, int, Any, Any, Any]:
+    """Why linear analyses refuse a scene, its coordinates, whirl, critical speeds and onset."""
+    _, refused = _or_why(lambda: check_linear(rotor))
+    if refused:  # what depends on the static position is known at one speed alone
+        found, _ = _or_why(lambda: described_roots(linear_at_speed(rotor)))
+        whirling = *(found or ("fixed", [])), None
+        return refused, structure(rotor).n, whirling, (None, refused), (None, refused)
+    finer = resolved(rotor, 2 * _SHOWN)
+    coordinates = assemble(finer).n  # compiled before the threads, which all need it
+    if finer.resolution != rotor.resolution:
+        coordinates = structure(rotor).n
+    questions = _whirling, _critical, _onset
+    return "", coordinates, *in_threads(lambda question: question(finer), questions)
 
 
 def _notes(scene: str, rotor: Scene) -> dict[str, str | None]:

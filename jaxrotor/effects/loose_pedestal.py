@@ -29,8 +29,10 @@ class LoosePedestal(AbstractLinear, AbstractCasing, AbstractContact):
     stand `on` its name.
 
     The equations have the foundation as if it pressed always, for roots and as the linear part of motions;
-    the law has the difference. A foundation takes up pressure with a jump of the force where `c u.` is
-    not zero, and there located steps end.
+    the law has the difference. So linear analyses are those of a pedestal that is pressed, and the
+    contact force of a motion is that difference: zero while the foundation presses, and not the force on
+    it. The time in contact is that off the foundation. A foundation takes up pressure with a jump of the
+    force where `c u.` is not zero, and there located steps end.
     Source: Goldman, Muszynska (1991), Trans. ASME J. Vib. Acoust. 113, of a loose pedestal.
     """
 

@@ -45,7 +45,7 @@ class MagneticBearing(AbstractContact):
     bias: Scalar = positive("bias [A]")
     gap: Scalar = positive("gap [m]")
     kp: Scalar | None = real("kp [A/m]", default=None)
-    ki: Scalar | None = real("ki [A/(m s)]", default=None)
+    ki: Scalar | None = positive("ki [A/(m s)]", default=None)
     kd: Scalar | None = real("kd [A s/m]", default=None)
     filter: Scalar | None = positive("filter [s]", default=None)  # time of the derivative [s]
     lag: Scalar | None = positive("lag [s]", default=None)  # of the amplifier [s]

@@ -33,6 +33,10 @@ def check_casings(effects: tuple[AbstractEffect, ...]) -> None:
     for _, name in parts:
         check_casing(name, names)
     held = [name for effect, name in parts if not isinstance(effect, AbstractContact)]
+    loose = [
+        one for one in effects if isinstance(one, AbstractContact)
+    ]  # by a foundation of their own
+    held += [one.name for one in loose if isinstance(one, AbstractCasing)]
     for name in names:
         if name not in held:
             raise ValueError(

@@ -138,7 +138,7 @@ def reactions(response: TimeHistory) -> Reactions:
     if owners := [scene.name_of(one) for one in scene.of(AbstractContact) if one.own_port]:
         raise ValueError(
             f"Reactions are those of forces at stations of the shaft, but {', '.join(owners)} acts "
-            "otherwise; leave it out, or take the `loss` of a crack in place of its `compliance`."
+            "otherwise; leave it out, or take a crack by its `loss` and a pedestal as a Casing."
         )
     instants = response.instants
     force, moment, static, static_moment, constraints = _all(scene, assemble(scene), instants)

@@ -13,6 +13,7 @@ from jaxtyping import Array, ArrayLike, Bool, Complex, Float
 from ..core.outcome import Outcome
 from ..core.quantities import Scalar, known
 from ..effects.law import Now
+from ..effects.places import of_first_order
 from ..equations.constant_frame import in_constant_axes
 from ..equations.lent import with_lent_films
 from ..equations.pencil import check_moves
@@ -322,6 +323,12 @@ def check_mass(scene: Scene, what: str) -> None:
     """Raise unless all coordinates of a scene have mass; `what` needs it."""
     if has_massless(scene):
         check_moves(assemble(scene))  # raises where nothing has mass
+        if owners := of_first_order(scene.effects):
+            names = ", ".join(map(scene.name_of, owners))
+            raise ValueError(
+                f"{what} needs mass at every coordinate, but controllers ({names}) have none; follow its "
+                "motion by `jaxrotor.simulate`."
+            )
         raise ValueError(
             f"{what} needs mass at every coordinate, but a part of the rotor has none; put a Disc there, "
             "or use `jaxrotor.run_up`."

@@ -150,7 +150,7 @@ def run_up(
             "The motion did not stay finite, or the solver could not meet its tolerance: take a larger "
             "`max_steps` or more `substeps`, check whether the drive runs away (`Drive(odd=True)` "
             "brakes at any sign of the speed), or take more `max_stops` if it stops often."
-            + _walls(begun)
+            + walls(begun)
         )
     if isinstance(scene.spin, Drive) and known(motion.run.turning.speed):
         scene.spin.check_drag(motion.run.turning.speed)
@@ -158,7 +158,7 @@ def run_up(
     return _result(scene, times, stations, motion, (name, f"{name} {why}"), pilots)
 
 
-def _walls(scene: Scene) -> str:
+def walls(scene: Scene) -> str:
     """A sentence on bearings that have no force at their wall and beyond, for a motion that ended."""
     walled = [one for one in scene.of(AbstractContact) if one.walled]
     if not walled:

@@ -36,7 +36,7 @@ from .choice import ASKED, check_integrated, default_solver, system_of_march
 from .history import TimeHistory
 from .rebounds import Rebounds, in_revolutions, pilot_run
 from .revolutions import March, check_constant_speed, check_weight, joined, revolution_rate
-from .run_up import MOST_STEPS, run_up
+from .run_up import MOST_STEPS, run_up, walls
 
 
 PILOT = 20  # revolutions at the end of a run, on which steps are chosen
@@ -203,6 +203,7 @@ def _by_revolutions(
         raise RuntimeError(
             "The motion did not stay finite, or the solver could not meet its tolerance: take more "
             "`steps_per_revolution`, a larger `max_steps`, or look at `jaxrotor.roots` for growth."
+            + walls(scene)
         )
     if isinstance(plan.solver, Exponential):
         stops = Rebounds(scene, system.members, good.touched, ratio, motion["contact_force"])

@@ -288,3 +288,11 @@ def test_what_needs_a_rotor_without_damping_is_refused():
     driven = scene.of_parts(*scene.effects, jr.Unbalance(0.5, 1.0, 1e-5))
     found = jr.response_peaks(driven, np.linspace(20.0, 2000.0, 100))
     assert not found.critical.speeds.size and 250.0 < found.speeds[0] < 400.0
+
+
+def test_reductions_refuse_controllers():
+    """An integrator is no pin at the sensor, which its static stiffness would make it."""
+    with pytest.raises(ValueError, match="that of linear_magnetic_bearing comes from controllers"):
+        jr.reduction(jr.linearized(machine()), 0.5)
+    with pytest.raises(ValueError, match="`ki .*must be positive, but is 0"):
+        machine(ki=0.0)

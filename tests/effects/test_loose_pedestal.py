@@ -201,3 +201,12 @@ def test_reactions_are_refused():
     run = jr.simulate(machine(400.0), 1, start=jr.AtRest(), solver=LOCATED)
     with pytest.raises(ValueError, match="but loose_pedestal acts otherwise"):
         jr.reactions(run)
+
+
+def test_bearings_alone_stand_on_a_pedestal():
+    """Its foundation holds it, so it needs no Support."""
+    film = jr.JournalBearing(0.5, 0.02, 0.025, 0.02, 1e-4, on="ped")
+    pedestal = jr.LoosePedestal("ped", 12.0, 5e7, 8e3, 2e7)
+    parts = jr.MasslessShaft(1.0, 0.5, 1e-6), jr.Disc(0.5, 30.0), jr.Gravity(), pedestal, film
+    scene = jr.Scene(*parts, spin=jr.ConstantSpeed(300.0))
+    assert jr.assemble(scene).n == 2

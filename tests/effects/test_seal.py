@@ -269,3 +269,9 @@ def test_order_of_steps():
     coarse, fine, exact = map(move, (32, 64, 1024))
     errors = abs(coarse - exact), abs(fine - exact)
     assert errors[0] / errors[1] == pytest.approx(16, rel=0.3) and errors[1] < 1e-5 * GAP
+
+
+@pytest.mark.slow
+def test_a_shaft_at_the_wall_is_told():
+    with pytest.raises(RuntimeError, match=r"At the wall of a bearing \(seal\) there is no force"):
+        jr.simulate(machine(1000.0, 2e-3), 4, 64)
