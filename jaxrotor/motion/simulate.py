@@ -96,7 +96,7 @@ def simulate(
         adjoint: diffrax adjoint for derivatives: forward mode by default,
             `diffrax.RecursiveCheckpointAdjoint()` for reverse mode.
         max_steps: steps an adaptive solver may take, by default 4096 a revolution, or a million along
-            `times`.
+            `times` and where what remembers or turns is integrated.
         progress: whether to report progress after two seconds; by default only on a terminal.
 
     Returns:
@@ -243,7 +243,8 @@ def _by_times(
     options["solver"] = options["solver"] or default_solver(scene)
     count = jnp.arange(keep * steps + 1)
     times = 2 * jnp.pi / rate * (revolutions - keep + count / steps)
-    options["max_steps"] *= revolutions
+    most = options["max_steps"]  # the default is that of motions along times
+    options["max_steps"] = MOST_STEPS if most == REVOLUTION_STEPS else most * revolutions
     found = run_up(scene, times, **options)
     return dataclasses.replace(found, steps_per_revolution=steps)
 

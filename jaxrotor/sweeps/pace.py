@@ -100,10 +100,9 @@ def pace_of(
     if controller is None:
         check_integrated(solver)
     scenes = _extremes(scene, start, columns)
-    if times is None:
-        most = most or REVOLUTION_STEPS
-        return IntegratedPace(_integration(scenes, start, solver, controller, most), None, period)
     integration = _integration(scenes, start, solver, controller, most or WINDOW_STEPS)
+    if times is None:
+        return IntegratedPace(integration, None, period)
     interval, first = jnp.asarray(times[1] - times[0]), jnp.asarray(times[0])
     return IntegratedPace(integration, interval, None, first)
 

@@ -128,7 +128,7 @@ def sweep(
             `distributed`, with the same versions everywhere.
         progress: whether to show a progress bar; by default on a terminal.
         max_steps: steps an adaptive solver may take, by default 4096 a revolution, or 100 000 a window
-            along `times`.
+            along `times` and where balls, drives or states of laws are integrated.
         precision: "float32" or "float64", in which lanes are stepped, by default that of jax. With
             "float32" equations, the coefficients of the steps and observables stay in float64, and
             `error_sample` is run in float64.

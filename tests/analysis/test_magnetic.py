@@ -161,6 +161,7 @@ def test_sensors_on_either_side_of_a_node(sensor):
     holds(above(free_shaft(sensor, nodes=16)), FREE_SHAFT[sensor], 1e-9)
 
 
+@pytest.mark.slow
 def test_roots_of_a_dense_matrix():
     """A spinning flexible shaft in two unlike bearings, ten coordinates of controllers, by the equations.
 

@@ -77,6 +77,7 @@ def test_one_loop_with_the_other_closed():
     assert np.ptp(every.peaks) < 1e-6 and every.peaks[0] > 3.4
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("lag", [LAG, None])
 def test_gyroscopic_loops_of_turned_axes(lag):
     """`S` by a dense matrix of the test's own: two bearings, axes turned, at speed, one loop cut."""

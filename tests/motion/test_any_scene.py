@@ -162,7 +162,8 @@ def test_every_shipped_scene_moves(name):
     if not has(scene, "gravity.acceleration"):
         scene = jr.Scene(scene.shaft, *scene.effects, jr.Gravity(9.81), spin=scene.spin)
     station = scene.shaft.length if "ball" in name else None
-    path = next(p for p in ("disc.mass", "discs.0.mass", "ball_balancers.0.drag") if has(scene, p))
+    paths = "disc.mass", "discs.0.mass", "ball_balancers.0.drag", "magnetic_bearings.kd"
+    path = next(path for path in paths if has(scene, path))
     values = {
         "gravity.acceleration": [5.0, 9.81],
         path: [1.01 * float(np.ravel(scene.get(path))[0])],

@@ -191,6 +191,7 @@ def test_edges_of_instability(breathing):
             assert found == pytest.approx(edge, abs=2e-10)
 
 
+@pytest.mark.slow
 def test_branch_passes_the_edges():
     orbit = jr.periodic(unloaded(0.6), rest(), solver=PLAIN, steps_per_revolution=512)
     branch = jr.continue_(orbit, "spin.speed", (0.6, 1.1), solver=PLAIN)
