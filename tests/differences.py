@@ -2,6 +2,7 @@
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 import pytest
 
 
@@ -25,3 +26,17 @@ def check_forward(function, own, step):
         expected = central(at, h)
         assert expected != 0
         assert float(push(own, along)[1]) == pytest.approx(expected, rel=1e-5)
+
+
+def check_by_each(function, values, step, least):
+    """Derivatives by relative changes of every value equal differences, to 1e-6 of the largest of each.
+
+    One program has values and derivatives; `step` is relative, and each derivative above `least`.
+    """
+    push = jax.jit(lambda at, along: jax.jvp(function, (at,), (along,)))
+    for along in jnp.diag(values):
+        slopes = push(values, along)[1]
+        away = lambda k, along=along: push(values + k * step * along, along)[0]
+        size = float(jnp.abs(slopes).max())
+        assert size > least
+        np.testing.assert_allclose(central(away, step), slopes, rtol=0, atol=1e-6 * size)

@@ -58,7 +58,7 @@ class StaticPositions(eqx.Module):
 
 
 def film_positions(scene: Scene, system: System, speeds: Float[Array, " k"]) -> StaticPositions:
-    """Rest of a scene in its oil films, see `jaxrotor.static_positions`."""
+    """Rest of a scene in its oil films and seals, see `jaxrotor.static_positions`."""
     films = scene.of(AbstractFluid)
     check_not_turning(system, "A static position", "simulate it in time")
     position, load, stiffness, damping = _at_speeds(system, films, speeds)

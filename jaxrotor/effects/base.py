@@ -147,8 +147,8 @@ class AbstractContact(AbstractEffect):
 
     Rotating the law by an angle is the same as adding the angle to `angle`. A contact stands on the
     ground, or `on` the `Casing` of a name: its law is then one of the motion relative to the casing, which
-    gets the opposite force. Its law is given the motion at a second station,
-    too, where its class has that in a field `sensor` [m].
+    gets the opposite force. Its law is given the motion at a second station, too, where its class has that
+    in a field `sensor` [m].
     """
 
     holds_shaft: ClassVar[bool] = True

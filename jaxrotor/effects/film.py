@@ -66,6 +66,12 @@ class AbstractFluidLaw(AbstractSmoothLaw):
         """Position in the gap [m] that bears a load, to some digits."""
 
 
+def eccentricities_to(nearest: float) -> np.ndarray:
+    """Eccentricities from the centre on, dense near the wall, to `1 - e^2 = nearest^2`."""
+    s = np.geomspace(1.0, nearest, PLACES)
+    return np.sqrt((1 - s) * (1 + s))
+
+
 def place_by(
     load: Complex[Array, ""], eccentricities: np.ndarray, forces: Complex[Array, " e"]
 ) -> Complex[Array, ""]:
@@ -126,8 +132,7 @@ class FilmLaw(AbstractFluidLaw):
 
     def place(self, load: Complex[Array, ""], speed: Scalar) -> Complex[Array, ""]:
         """That of a film at rest, which bears nothing, is on the farthest circle."""
-        s = np.geomspace(1.0, NEAREST_FINITE if self.film.modes else NEAREST, PLACES)
-        e = np.sqrt((1 - s) * (1 + s))
+        e = eccentricities_to(NEAREST_FINITE if self.film.modes else NEAREST)
         zero = np.zeros_like(e)
         still = jnp.stack([e, zero], axis=1), jnp.stack([zero, -e / 2], axis=1)  # at a speed of 1
         along, across = jax.vmap(self.resistance)(*still).T

@@ -5,7 +5,6 @@ from typing import ClassVar
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array, Complex
 
 from ..core.blocks import Blocks
@@ -13,7 +12,7 @@ from ..core.quantities import Number, Scalar, nonnegative, positive, real
 from ..shafts.cased import ends
 from ..shafts.line import AbstractLine
 from .base import AbstractLinear
-from .film import NEAREST, PLACES, AbstractFluid, AbstractFluidLaw, place_by
+from .film import NEAREST, AbstractFluid, AbstractFluidLaw, eccentricities_to, place_by
 from .law import Hardness, Now, Plane
 
 
@@ -121,8 +120,7 @@ class SealLaw(AbstractFluidLaw):
         return jnp.abs(self._stiffness(jnp.zeros(2), speed))
 
     def place(self, load: Complex[Array, ""], speed: Scalar) -> Complex[Array, ""]:
-        s = np.geomspace(1.0, NEAREST, PLACES)
-        e = np.sqrt((1 - s) * (1 + s))
+        e = eccentricities_to(NEAREST)
         forces = (
             -self.film.clearance * jnp.asarray(e) * self._stiffness(jnp.stack([e, 0 * e]), speed)
         )
