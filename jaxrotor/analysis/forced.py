@@ -11,7 +11,7 @@ from jaxtyping import Array, ArrayLike, Complex, Float
 from ..core.compiled import compiled_quickly
 from ..core.quantities import Scalar, known, nonnegative, real
 from ..core.tables import RPM, largest_rows, notebook_table
-from ..effects import AbstractBodies, AbstractContact, Disc, Gravity
+from ..effects import AbstractBodies, AbstractContact, Disc
 from ..equations.pencil import Pencil, check_axes, frame, isotropic
 from ..equations.rigid_motions import check_constant_load
 from ..equations.system import System, assemble, structure
@@ -145,14 +145,14 @@ def unbalance_response(scene: Scene, speeds, at=None) -> HarmonicResponse:
 
 
 def weight_response(scene: Scene, speeds, at=None) -> WeightResponse:
-    """`z = a + b exp(2 i Omega t)`: deflection under the weight, and twice-per-revolution response.
+    """`z = a + b exp(2 i Omega t)`: response to what stands still, such as weight and misalignment.
 
     In the axes of a shaft of two stiffnesses the weight rotates backward, `W exp(-i Omega t)`. The
     response there, `a exp(-i Omega t) + b exp(i Omega t)`, is `a + b exp(2 i Omega t)` in the fixed
-    frame.
+    frame. So is that to a misaligned `Coupling`, whose stiffness turns.
 
     Args:
-        scene: a rotor without contact that has Gravity.
+        scene: a rotor without contact that has Gravity, a Coupling or an OldhamCoupling.
         speeds: one or more speeds [rad/s], none of them an undamped resonance.
         at: station(s) [m] or names of casings, by default the observed station of `simulate`.
 
@@ -202,7 +202,7 @@ def forced_response(scene: Scene, frequencies, force: HarmonicForce, at=None) ->
 
 
 def steady_state(scene: Scene) -> tuple[Complex[Array, " n"], Complex[Array, " n"]]:
-    """`q, q.` of the steady motion under unbalance and weight at rotation angle zero.
+    """`q, q.` of the steady motion under unbalance, weight and misalignment at rotation angle zero.
 
     A run that starts there, `run_up(scene, times, start=Continued(*steady_state(scene)))`, is steady
     from the first sample on, stable or not. No time stepping is needed.
@@ -225,7 +225,7 @@ def steady_state(scene: Scene) -> tuple[Complex[Array, " n"], Complex[Array, " n
         raise ValueError("Balls have many steady positions; use `run_up` to find one.")
     q, velocity, distance = _steady(assemble(scene))
     if known(distance) and distance < CRITICAL:
-        check_constant_load(scene, 0.0 if scene.of(Gravity) else scene.spin.speed)
+        check_constant_load(scene, 0.0 if structure(scene).load.steady else scene.spin.speed)
         raise ValueError(
             f"The response is unbounded at {float(scene.spin.speed):g} rad/s, an undamped critical speed "
             "or resonance; add damping."
@@ -249,7 +249,8 @@ def _of_unbalance(system: System):
 
 
 def _of_weight(system: System):
-    return system.load.constant, None
+    speed = system.spin.speed
+    return system.load.still_force(speed), None, system.load.twice_force(speed)
 
 
 def _of_force(force: HarmonicForce, system: System):
@@ -334,7 +335,8 @@ def _cases(scene: Scene, cases, at) -> tuple[Float[Array, " k"], Places]:
 def _respond(scene: Scene, speeds, frequencies, places: Places, forces):
     """Parts at `w`, `-w` and, mirrored in rotating axes, at `2 Omega - w`, `2 Omega + w`; (k, s) each.
 
-    `forces(system)` are `f, b` of `f exp(i w t) + b exp(-i w t)`, None where there is none.
+    `forces(system)` are `f, b` of `f exp(i w t) + b exp(-i w t)`, None where there is none, and where there
+    is one beside `f` at `2 Omega - w`, that too.
     """
     *parts, distance = _parts_of_all(assemble(scene), speeds, frequencies, places, forces)
     if known(distance) and np.any(np.asarray(distance) < CRITICAL):
@@ -359,7 +361,13 @@ def _parts_at(rotor: System, case: tuple[Scalar, Scalar], places: Places, forces
     return *(rows @ part for part in parts), distance
 
 
-def _parts(system: System, frequency: Scalar, forward: Array | None, backward: Array | None):
+def _parts(
+    system: System,
+    frequency: Scalar,
+    forward: Array | None,
+    backward: Array | None,
+    beside: Array | None = None,
+):
     """The four parts of `q` (see `_respond`), and the smallest distance from resonance."""
     n, speed, axes = system.n, system.spin.speed, frame(system.blocks)
     none = jnp.zeros(n, complex)
@@ -376,18 +384,19 @@ def _parts(system: System, frequency: Scalar, forward: Array | None, backward: A
             return none, 1.0
         return solve(Pencil.of(system, jnp.sign(at - speed)), at, force)
 
-    def rotating(at, force):
-        """Response in the axes of the shaft, and its mirror image there."""
+    def rotating(at, force, mirrored=None):
+        """Response in the axes of the shaft, and its mirror image there, which may have a force, too."""
         if force is None:
             return none, none, 1.0
-        q, distance = solve(Pencil.of(system), at - speed, jnp.concatenate([force, none]))
+        pair = jnp.concatenate([force, filled(mirrored).conj()])
+        q, distance = solve(Pencil.of(system), at - speed, pair)
         return q[:n], q[n:].conj(), distance
 
     if isotropic(system.blocks):
         (q, near), (p, far) = circular(frequency, forward), circular(-frequency, backward)
         return q, p, none, none, jnp.minimum(near, far)
     if axes == "rotating":
-        q, q_mirrored, near = rotating(frequency, forward)
+        q, q_mirrored, near = rotating(frequency, forward, beside)
         p, p_mirrored, far = rotating(-frequency, backward)
         return q, p, q_mirrored, p_mirrored, jnp.minimum(near, far)
     if forward is None and backward is None:

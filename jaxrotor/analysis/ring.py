@@ -157,7 +157,7 @@ def ring_of(scene: Scene, what: str) -> AnnularStator:
         )
     for part, there in (
         ("hysteretic damping", system.blocks.hysteretic is not None),
-        ("weight", system.load.constant is not None),
+        ("weight or other constant loads", system.load.steady),
     ):
         if there:
             raise ValueError(

@@ -21,6 +21,7 @@ class Blocks(eqx.Module):
     - anisotropy in fixed axes: `fixed_damping q*. + fixed_stiffness q*`, with the conjugate `q*`,
     - anisotropy in axes that turn with the shaft, `q = r exp(i Omega t)`: the equations of `r` get
       `rotating_damping r*. + rotating_stiffness r*`,
+    - weight on what turns with the shaft: `weight_twice a* exp(2 i theta)`,
     - `polar` [kg m^2]: the moment of inertia about the axis, needed where rotation is integrated,
     - hysteresis: `i eta_s hysteretic q`, where eta_s is +1 if the motion whirls faster than the shaft
       turns, else -1. It is defined for harmonic motions only.
@@ -32,6 +33,7 @@ class Blocks(eqx.Module):
     stiffness: Float[Array, "r n"] | None = None
     circulatory: Float[Array, "r n"] | None = None
     weight: Float[Array, " r"] | None = None
+    weight_twice: Complex[Array, " r"] | None = None
     skew_damping: Float[Array, "r n"] | None = None
     skew_stiffness: Float[Array, "r n"] | None = None
     skew_circulatory: Float[Array, "r n"] | None = None
@@ -52,14 +54,25 @@ class Blocks(eqx.Module):
 
 
 class Load(eqx.Module):
-    """External load `constant + (Omega^2 - i Omega.) unbalance exp(i theta)`; None means absent.
+    """External load; None means absent.
 
-    `gravity` is the acceleration due to gravity, for bodies that have coordinates of their own.
+        constant + (Omega^2 + i Omega. / 2) carried
+        + (Omega^2 - i Omega.) unbalance exp(i theta)
+        + (twice + (Omega^2 - i Omega. / 2) carried_twice) exp(2 i theta)
+
+    What adds a part at `2 theta`, or one that is `carried`, adds rotating blocks, too, if only zeros: both
+    are known in the axes of the shaft, where a load at 0 and one at `2 theta` go round at `-Omega` and
+    `Omega`. `gravity` is the acceleration due to gravity, for bodies that have coordinates of their own.
+    `twist` is a torque `Im(twist exp(2 i theta))` on the shaft, beside those of the forces.
     """
 
     constant: Complex[Array, " r"] | None = None
     unbalance: Complex[Array, " r"] | None = None
     gravity: Complex[Array, ""] | None = None
+    twice: Complex[Array, " r"] | None = None
+    carried: Complex[Array, " r"] | None = None
+    carried_twice: Complex[Array, " r"] | None = None
+    twist: Complex[Array, ""] | None = None
 
     def __add__(self, other: "Load") -> "Load":
         return Load(*(_add(getattr(self, name), getattr(other, name)) for name in _parts(self)))
@@ -74,6 +87,33 @@ class Load(eqx.Module):
         if self.unbalance is None:
             return None
         return unbalance_factor(speed, acceleration) * self.unbalance
+
+
+    @property
+    def steady(self) -> bool:
+        """Whether there are loads other than unbalance."""
+        return self.constant is not None or self.carried is not None
+
+    def still_force(
+        self, speed: Scalar, acceleration: Scalar | None = None
+    ) -> Complex[Array, " r"] | None:
+        """Load that stands still in fixed axes; None where absent."""
+        if self.carried is None:
+            return self.constant
+        return _add(self.constant, _carried(speed, acceleration, 1) * self.carried)
+
+    def twice_force(
+        self, speed: Scalar, acceleration: Scalar | None = None
+    ) -> Complex[Array, " r"] | None:
+        """Load at twice the angle of rotation, by which it is divided here; None where absent."""
+        if self.carried_twice is None:
+            return self.twice
+        return _add(self.twice, _carried(speed, acceleration, -1) * self.carried_twice)
+
+
+def _carried(speed: Any, acceleration: Any, sense: int) -> Any:
+    """`Omega^2 + sense i Omega. / 2`."""
+    return speed**2 if acceleration is None else speed**2 + sense * 0.5j * acceleration
 
 
 def unbalance_factor(speed: Any, acceleration: Any = None) -> Any:

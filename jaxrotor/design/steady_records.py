@@ -100,7 +100,7 @@ class AbstractSteadyRecord(AbstractRecord):
         turn = jnp.exp(1j * angle)
         whirl = unbalance_response(scene, scene.spin.speed, self.at)
         z = whirl.forward * turn + whirl.backward / turn
-        if structure(scene).load.constant is None:
+        if not structure(scene).load.steady:
             return z
         bent = weight_response(scene, scene.spin.speed, self.at)
         return z + bent.deflection + bent.twice * turn**2

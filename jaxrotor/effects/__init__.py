@@ -14,6 +14,7 @@ from .base import (
     AbstractOwnCoordinates as AbstractOwnCoordinates,
 )
 from .casing import Casing as Casing
+from .coupling import Coupling as Coupling, OldhamCoupling as OldhamCoupling
 from .crack import Crack as Crack
 from .cubic_spring import CubicSpring as CubicSpring
 from .disc import Disc as Disc

@@ -26,4 +26,6 @@ class Gravity(AbstractLoad):
         del line
         gravity = self.acceleration * jnp.exp(1j * self.angle)
         weight = None if blocks.weight is None else gravity * blocks.weight
-        return Load(constant=weight, gravity=gravity)
+        turning = blocks.weight_twice
+        twice = None if turning is None else jnp.conj(gravity) * turning
+        return Load(constant=weight, gravity=gravity, twice=twice)

@@ -39,7 +39,7 @@ def with_accelerations(
     Returns:
         The motion with accelerations.
     """
-    loaded = system.load.unbalance is not None or system.load.constant is not None
+    loaded = system.load.unbalance is not None or system.load.steady
     start = 0 if spin is None else 1
 
     def respond(unknown: Array) -> tuple[Kinematics, Array]:

@@ -94,9 +94,9 @@ class ConstantFrame(eqx.Module):
         else:
             condensed = _condensed(system, system.massless, pencil, rate)
             matrix, drive = condensed.matrix, condensed.drive
-        steady, whirling = load.constant, load.unbalance_force(speed)
+        steady, whirling = load.still_force(speed), load.unbalance_force(speed)
         if turns:
-            steady, whirling = whirling, load.constant
+            steady, whirling = whirling, steady
         still = cos = sin = None
         if steady is not None:
             place = pencil.response(jnp.zeros(()), _in_axes(steady) + 0j).real
@@ -104,6 +104,8 @@ class ConstantFrame(eqx.Module):
         if whirling is not None:
             way = -1.0 if turns else 1.0  # weight, seen from turning axes, turns backward
             force = jnp.concatenate([whirling, -1j * whirling])
+            if (twice := load.twice_force(speed)) is not None:  # it turns forward in turning axes
+                force = force + jnp.concatenate([twice.conj(), 1j * twice.conj()])
             amplitude = pencil.response(way * speed, force)
             state = jnp.concatenate([amplitude, 1j * way * speed / rate * amplitude])
             cos, sin = state.real, -way * jnp.sign(speed) * state.imag

@@ -38,12 +38,14 @@ def resistance(blocks: Blocks, now: Kinematics) -> Array:
 
 
 def applied_force(load: Load, now: Kinematics) -> Array:
-    """`constant exp(-i theta) + (Omega^2 - i Omega.) unbalance`."""
-    force = jnp.zeros(())
-    if load.constant is not None:
-        force = force + load.constant * now.back
-    unbalance = load.unbalance_force(now.turning.speed, now.turning.acceleration)
-    return force if unbalance is None else force + unbalance
+    """All of `load` times `exp(-i theta)`."""
+    rates = now.turning.speed, now.turning.acceleration
+    parts = [
+        (load.still_force(*rates), now.back),
+        (load.unbalance_force(*rates), 1.0),
+        (load.twice_force(*rates), now.turn),
+    ]
+    return sum((part * turn for part, turn in parts if part is not None), start=jnp.zeros(()))
 
 
 # === contacts

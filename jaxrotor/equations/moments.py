@@ -20,7 +20,9 @@ class MomentBalance(eqx.Module):
     """`I Omega. = M_drive - Im(u_row* b) + Im(r* (c r. + k_a r*)) + contacts - bodies`.
 
     Here `b = q.. exp(-i theta)`, `u_row` is the unbalance, and `c` and `k_a` are the blocks of the parts
-    that rotate with the shaft: internal damping, unequal axes. Weight adds its moment about the axis.
+    that rotate with the shaft: internal damping, unequal axes. Weight adds its moment about the axis, and
+    an unequal stiffness to a line beside that of the shaft, whose force at rest is `f exp(2 i theta)`,
+    `Im(twist exp(2 i theta) - 2 r* f exp(i theta))`.
     """
 
     galerkin: Load  # work of the loads on the coordinates
@@ -33,8 +35,14 @@ class MomentBalance(eqx.Module):
         if not (isinstance(scene.spin, Drive) and scene.spin.feedback):
             return None
         line = VirtualLine.galerkin(system.line)
+        load = assemble_load(scene, line, Blocks())
+        if load.carried is not None:
+            raise ValueError(
+                "The disc of an OldhamCoupling is for a speed that is given in time, but the drive of the "
+                'scene has feedback; give the scene such a spin, or take `scene.without("oldham_couplings")`.'
+            )
         return cls(
-            assemble_load(scene, line, Blocks()),
+            load,
             assemble_load(scene, VirtualLine.resultant(system.line), Blocks()),
             _corotating(assemble_blocks(scene, line)),
         )
@@ -51,6 +59,9 @@ class MomentBalance(eqx.Module):
         if self.corotating is not None:
             torque = torque + jnp.imag(jnp.vdot(now.r, resistance(self.corotating, now)))
         torque = torque + contact_torque(system, now, contacts)
+        if self.galerkin.twice is not None and self.galerkin.twist is not None:
+            beside = jnp.vdot(now.r, self.galerkin.twice)
+            torque = torque + jnp.imag((self.galerkin.twist * now.turn - 2 * beside) * now.turn)
         for race, part in races_of(system):
             rate = now.bodies_speed[part] - now.turning.speed
             torque = torque - race.bodies.race_radius * jnp.sum(race.bodies.drag(rate))

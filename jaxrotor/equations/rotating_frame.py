@@ -244,13 +244,14 @@ def massless_of(scene: Scene, system: System | None = None) -> Known | Literal["
                 "there. At constant speed a contact without friction can also be simulated by whole "
                 "revolutions if `solver` is left out."
             )
-    steady = isinstance(scene.spin, ConstantSpeed)
-    unbalance = system.load.unbalance
-    if not steady and unbalance is not None and _acts_on(unbalance, coordinates.either):
-        raise ValueError(
-            "An Unbalance acts where the rotor has no mass, which is possible at constant speed only; "
-            "put a Disc there."
-        )
+    inertial = system.load.unbalance, system.load.carried, system.load.carried_twice
+    if not isinstance(scene.spin, ConstantSpeed):
+        for load in inertial:
+            if load is not None and _acts_on(load, coordinates.either):
+                raise ValueError(
+                    "An Unbalance or an OldhamCoupling acts where the rotor has no mass, which is possible "
+                    "at constant speed only; put a Disc there."
+                )
     _check_determined(condition)
     return _constant(coordinates)
 

@@ -27,19 +27,19 @@ State = Float[Array, "2 2 n"]  # (q, dq/dtheta) by (x, y) by coordinate, all in 
 
 
 class Motion(eqx.Module):
-    """`q'' = -k q - c q' + i (g q' + h q) + f0 + f1 exp(i s theta) + b F + ..`, `' = d/dtheta`.
+    """`q'' = -k q - c q' + i (g q' + h q) + f0 + f1 exp(i s theta) + f2 exp(2 i s theta) + b F + ..`.
 
     Unequal axes that are fixed in space add `-k_f q* - c_f q'*`, those that turn with the shaft
     `-exp(2 i s theta) (k_r q* + c_r (q' - i s q)*)`.
 
     All fields are real; a complex vector is its [x, y] parts.
 
-    `theta = rate t` runs from 0 to 2 pi in a revolution whatever the speed, so all members of a
+    Here `' = d/dtheta`. `theta = rate t` runs from 0 to 2 pi in a revolution whatever the speed, so all members of a
     sweep share one horizon; `s = Omega / rate` is +1 or -1 (0 at rest), or another number where the
     motion repeats in another time, as that of balls that pass. Terms to which no effect
     contributes are None and absent from the compiled program. Called as a diffrax vector field.
 
-    `loads=False` leaves out `f0` and `f1`, for a state that is the deviation from the steady response.
+    `loads=False` leaves out `f0` to `f2`, for a state that is the deviation from the steady response.
     """
 
     rate: Scalar  # [rad/s]
@@ -53,6 +53,7 @@ class Motion(eqx.Module):
     rotating_stiffness: Float[Array, "2 n n"] | None  # the same in axes that turn with the shaft
     rotating_damping: Float[Array, "2 n n"] | None
     constant: Float[Array, "2 n"] | None
+    twice: Float[Array, "2 n"] | None
     unbalance: Float[Array, "2 n"] | None
     columns: Float[Array, "n p"] | None
     rows: Float[Array, "p n"] | None
@@ -83,7 +84,8 @@ class Motion(eqx.Module):
             "fixed_damping": (blocks.fixed_damping, 1 / rate),
             "rotating_stiffness": (blocks.rotating_stiffness, 1 / rate**2),
             "rotating_damping": (blocks.rotating_damping, 1 / rate),
-            "constant": (load.constant, 1 / rate**2),
+            "constant": (load.still_force(speed), 1 / rate**2),
+            "twice": (load.twice_force(speed), 1 / rate**2),
             "unbalance": (load.unbalance_force(s), 1.0),  # `s` is the speed by the angle
             "columns": (columns, 1 / rate**2),
         }
@@ -122,10 +124,10 @@ class Motion(eqx.Module):
             acceleration -= self._turning_with_the_shaft(theta, q, rate)
         if self.constant is not None:
             acceleration += self.constant
-        if self.unbalance is not None:
-            phase = self.s * theta
-            acceleration += jnp.cos(phase) * self.unbalance
-            acceleration += jnp.sin(phase) * _times_i(self.unbalance)
+        for order, load in ((1, self.unbalance), (2, self.twice)):
+            if load is not None:
+                phase = order * self.s * theta
+                acceleration += jnp.cos(phase) * load + jnp.sin(phase) * _times_i(load)
         return jnp.stack([rate, acceleration])
 
     def _turning_with_the_shaft(self, theta: Scalar, q: Array, rate: Array) -> Array:

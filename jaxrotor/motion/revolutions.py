@@ -305,7 +305,7 @@ def check_constant(scene: Scene, what: str, *, turning: bool = False) -> None:
 
 def check_weight(scene: Scene) -> None:
     """Raise if a rotor falls under its weight, since nothing holds it, in contact either."""
-    if unheld(scene) and structure(scene).load.constant is not None:
+    if unheld(scene) and structure(scene).load.steady:
         check_held(scene, "A motion under weight", contact=True)
 
 

@@ -112,7 +112,7 @@ def _matrix(system: System, rate: Scalar) -> tuple[Inexact[Array, "m m"], list[S
     s, load = system.spin.speed / rate, system.load
     turns = frame(system.blocks) == "rotating"
     frequencies = [] if load.unbalance is None else [0.0 * s if turns else s]
-    if turns and load.constant is not None:
+    if turns and load.steady:
         frequencies.append(-s)
     return linear_matrix(system, rate), frequencies
 
