@@ -88,7 +88,6 @@ class Load(eqx.Module):
             return None
         return unbalance_factor(speed, acceleration) * self.unbalance
 
-
     @property
     def steady(self) -> bool:
         """Whether there are loads other than unbalance."""
