@@ -340,6 +340,32 @@ on = "block"
 stiffness = "8e6 N/m"
 """
     ],
+    "coupling": [
+        """\
+[coupling]
+at = "0.4 m"
+on = "second line"                 # a casing; without it the second line is held
+stiffness = "8e5 N/m"              # the mean along all axes
+anisotropy = 0.3                   # 30 % stiffer along one axis, 30 % softer across it
+angle = "0 deg"                    # of that axis at the start; it turns with the shaft
+offset = "0.2 mm"                  # of the second line
+direction = "90 deg"               # it is above the axis of the shaft
+angular_stiffness = "2e3 N m/rad"
+tilt = "1 mrad"                    # of the second line
+tilt_direction = "0 deg"
+"""
+    ],
+    "oldham_coupling": [
+        """\
+[oldham_coupling]
+at = "0.4 m"
+on = "second line"                 # a casing; without it the second line is held
+mass = "1.5 kg"                    # of the floating disc
+offset = "0.2 mm"                  # of the second line
+direction = "90 deg"
+angle = "0 deg"                    # of the slot in the shaft's hub at the start
+"""
+    ],
     "crack": [
         """\
 [crack]                            # of a shaft whose stiffness at the station is 1e6 N/m

@@ -10,6 +10,7 @@ from jaxrotor import (
     Casing,
     ConstantSpeed,
     Constraint,
+    Coupling,
     Crack,
     CubicSpring,
     Disc,
@@ -26,6 +27,7 @@ from jaxrotor import (
     MagneticBearing,
     MasslessShaft,
     ModalDamping,
+    OldhamCoupling,
     RayleighDamping,
     RollingBearing,
     Scene,
@@ -159,6 +161,8 @@ TURNING = [
     RollingBearing(LENGTH, 7, 4e7, 1e-3, 0.04, 0.06, angle=0.3),
     MagneticBearing(LENGTH, 3.0, 2.0, 0.1, kp=400.0, kd=1.0),
     Crack(LENGTH, 3e4, 1e4, angle=0.3),
+    Coupling(LENGTH, 3e4, 0.2, 0.3, 1e-3, 0.6, angular_stiffness=500.0, tilt=0.01),
+    OldhamCoupling(LENGTH, 2.0, 1e-3, 0.6, 0.3),
 ]
 HARMONIC = [HystereticDamping(0.01)]  # known for harmonic motions only
 ROLLING = [
@@ -188,6 +192,8 @@ STRENGTHS = {
     "seal": ("stiffness", "damping", "inertia"),
     "rolling_bearing": ("stiffness",),
     "crack": ("loss", "loss_across"),
+    "coupling": ("stiffness", "angular_stiffness"),
+    "oldham_coupling": ("mass",),
     "magnetic_bearing": ("constant",),
     "linear_magnetic_bearing": ("current_factor", "position_factor"),
     "support": (

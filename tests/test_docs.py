@@ -40,6 +40,7 @@ PAGES = [
     *(
         "README.md",
         GALLERY,
+        "docs/concepts/couplings.md",
         "docs/concepts/cracks.md",
         "docs/concepts/rolling-bearings.md",
         "docs/concepts/magnetic-bearings.md",

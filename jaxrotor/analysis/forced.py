@@ -335,8 +335,8 @@ def _cases(scene: Scene, cases, at) -> tuple[Float[Array, " k"], Places]:
 def _respond(scene: Scene, speeds, frequencies, places: Places, forces):
     """Parts at `w`, `-w` and, mirrored in rotating axes, at `2 Omega - w`, `2 Omega + w`; (k, s) each.
 
-    `forces(system)` are `f, b` of `f exp(i w t) + b exp(-i w t)`, None where there is none, and where there
-    is one beside `f` at `2 Omega - w`, that too.
+    `forces(system)` are `f, b` of `f exp(i w t) + b exp(-i w t)`, None where there is none; a third one is
+    that beside `f` at `2 Omega - w`, if any.
     """
     *parts, distance = _parts_of_all(assemble(scene), speeds, frequencies, places, forces)
     if known(distance) and np.any(np.asarray(distance) < CRITICAL):

@@ -4,7 +4,6 @@ from typing import ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array, Complex
 
 from ..core.blocks import Blocks, Load
@@ -17,8 +16,8 @@ from .base import AbstractLinear, AbstractLoad
 class Coupling(AbstractLinear, AbstractLoad):
     """Flexible coupling to a line that is `offset` in a direction fixed in space.
 
-        F = k u + k anisotropy exp(2 i (theta + angle)) u*,   u = d + z_2 - z,   d = offset exp(i direction)
-        T = -k anisotropy Im(exp(-2 i (theta + angle)) u^2)
+        F = k u + k anisotropy exp(2 i psi) u*,   psi = theta + angle
+        T = -k anisotropy Im(exp(-2 i psi) u^2),   u = d + z_2 - z,   d = offset exp(i direction)
 
     F acts on the shaft at `at`, -F on the second line: its place `z_2` is that of the `Casing` of the name
     `on`, or 0 where that is None, of a line that is held. T is the torque on the shaft. The stiffness is
@@ -29,8 +28,7 @@ class Coupling(AbstractLinear, AbstractLoad):
     So the misaligned rotor moves as `z_0 + z_2 exp(2 i theta)`, exactly: `jaxrotor.weight_response` has
     both. A coupling that is known to be the same along every axis has a steady force alone, and so no 2X.
     Where axes of bearings are unequal, too, integrate in time.
-    Source: Lagrange's equations, with the potential `k (|u|^2 + anisotropy Re(exp(-2 i (theta + angle))
-    u^2)) / 2`.
+    Source: Lagrange's equations of the potential `k (|u|^2 + anisotropy Re(exp(-2 i psi) u^2)) / 2`.
     """
 
     kind: ClassVar[str] = "coupling"

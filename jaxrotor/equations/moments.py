@@ -39,7 +39,7 @@ class MomentBalance(eqx.Module):
         if load.carried is not None:
             raise ValueError(
                 "The disc of an OldhamCoupling is for a speed that is given in time, but the drive of the "
-                'scene has feedback; give the scene such a spin, or take `scene.without("oldham_couplings")`.'
+                "scene has `feedback`; leave that out, or the coupling."
             )
         return cls(
             load,

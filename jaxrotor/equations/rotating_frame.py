@@ -249,8 +249,8 @@ def massless_of(scene: Scene, system: System | None = None) -> Known | Literal["
         for load in inertial:
             if load is not None and _acts_on(load, coordinates.either):
                 raise ValueError(
-                    "An Unbalance or an OldhamCoupling acts where the rotor has no mass, which is possible "
-                    "at constant speed only; put a Disc there."
+                    "An Unbalance or an OldhamCoupling acts where the rotor has no mass, which is "
+                    "possible at constant speed only; put a Disc there."
                 )
     _check_determined(condition)
     return _constant(coordinates)

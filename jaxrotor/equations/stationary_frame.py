@@ -34,9 +34,9 @@ class Motion(eqx.Module):
 
     All fields are real; a complex vector is its [x, y] parts.
 
-    Here `' = d/dtheta`. `theta = rate t` runs from 0 to 2 pi in a revolution whatever the speed, so all members of a
-    sweep share one horizon; `s = Omega / rate` is +1 or -1 (0 at rest), or another number where the
-    motion repeats in another time, as that of balls that pass. Terms to which no effect
+    Here `' = d/dtheta`. `theta = rate t` runs from 0 to 2 pi in a revolution whatever the speed, so all
+    members of a sweep share one horizon; `s = Omega / rate` is +1 or -1 (0 at rest), or another number
+    where the motion repeats in another time, as that of balls that pass. Terms to which no effect
     contributes are None and absent from the compiled program. Called as a diffrax vector field.
 
     `loads=False` leaves out `f0` to `f2`, for a state that is the deviation from the steady response.

@@ -19,7 +19,7 @@ from .units import speed_unit
 _PARTS = {  # label and colour of each part
     "forward": ("forward part", colours.FORWARD),
     "backward": ("backward part", colours.BACKWARD),
-    "twice": ("twice per revolution, by weight", colours.DARK),
+    "twice": ("twice per revolution", colours.DARK),
 }
 
 
@@ -39,10 +39,10 @@ def response(
     """Amplitude of each part of a steady motion above, and its phase below, against speed.
 
     The parts are those that whirl forward and backward, with their sum, the major half axis, or the
-    twice-per-revolution response to weight; a part that is zero is left out. With `probes` their readings
-    are drawn instead. The response to a given force at one speed is drawn against frequency. The phase
-    is in the sense of rotation, unwrapped from a first value within half a revolution; a jump of exactly
-    half a revolution (no damping) is drawn downwards.
+    twice-per-revolution response to weight or a misaligned coupling; a part that is zero is left out.
+    With `probes` their readings are drawn instead. The response to a given force at one speed is drawn
+    against frequency. The phase is in the sense of rotation, unwrapped from a first value within half
+    a revolution; a jump of exactly half a revolution (no damping) is drawn downwards.
 
     Args:
         result: result of `jaxrotor.unbalance_response`, `forced_response` or `weight_response`.

@@ -53,7 +53,7 @@ def test_beside_a_line_that_is_held():
 
 
 def test_beside_a_body_and_what_it_costs():
-    """The drive makes good the losses, by the torque `-k_d Im(e^(-2i theta) u^2)`, whose mean is of u_0."""
+    """The drive makes good the losses, by the torque, whose mean is `-2 k_d Im(u_0 u_2)`."""
     scene = machine(150.0, body=True)
     shaft, body = response(scene), response(scene, "second line")
     np.testing.assert_allclose(shaft[1], 15.5843222994 - 12.4472338053j, rtol=0, atol=2e-10)
@@ -138,7 +138,6 @@ def test_motions_agree():
     np.testing.assert_allclose(1e6 * z, z_0 + z_2 * np.exp(2j * theta), rtol=0, atol=1e-9)
     orbit = jr.periodic(scene, start)
     assert orbit.residual < 1e-9 and np.abs(orbit.multipliers).max() < 1
-    stop = jr.Limiter(0.5, 0.4, 5e-5, 4e5, 40.0)
     ends = np.linspace(0.0, 2 * 2 * np.pi / 150.0, 3)
     for part in (jr.Support(0.5, 1e5, 10.0, 0.3), jr.Limiter(0.5, 0.4, 5e-5, 4e5, 40.0)):
         rotor = machine(150.0, part)

@@ -455,7 +455,7 @@ def test_response_draws_the_parts_there_are():
     weight = jr.WeightResponse(frequencies, one, 0 * forward, 3 * forward)
     upper, lower = plot.response(weight)
     assert lower.get_xlabel() == "spin speed [rad/s]" and len(upper.lines) == 1
-    np.testing.assert_allclose(lines(upper)["twice per revolution, by weight"].get_ydata(), 6.0)
+    np.testing.assert_allclose(lines(upper)["twice per revolution"].get_ydata(), 6.0)
 
 
 def test_response_shades_where_nothing_settles():
