@@ -361,13 +361,7 @@ def _parts_at(rotor: System, case: tuple[Scalar, Scalar], places: Places, forces
     return *(rows @ part for part in parts), distance
 
 
-def _parts(
-    system: System,
-    frequency: Scalar,
-    forward: Array | None,
-    backward: Array | None,
-    beside: Array | None = None,
-):
+def _parts(system: System, frequency: Scalar, forward, backward, beside: Array | None = None):
     """The four parts of `q` (see `_respond`), and the smallest distance from resonance."""
     n, speed, axes = system.n, system.spin.speed, frame(system.blocks)
     none = jnp.zeros(n, complex)

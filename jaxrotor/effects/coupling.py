@@ -86,20 +86,22 @@ class Coupling(AbstractLinear, AbstractLoad):
         return found
 
     def blocks(self, line: AbstractLine) -> Blocks:
-        every = [k * jnp.outer(column, row) for row, column, k, _ in self._springs(line)]
-        stiffness = sum(every[1:], every[0])
-        unequal = None if self.isotropic else self._unequal * stiffness
-        return Blocks(stiffness=stiffness, rotating_stiffness=unequal)
+        found = Blocks()
+        for row, column, k, _ in self._springs(line):
+            spring = k * jnp.outer(column, row)
+            unequal = None if self.isotropic else self._unequal * spring
+            found = found + Blocks(stiffness=spring, rotating_stiffness=unequal)
+        return found
 
     def load(self, line: AbstractLine, blocks: Blocks) -> Load:
         del blocks
-        springs = self._springs(line)
-        constant = sum(k * d * column for _, column, k, d in springs)
-        if self.isotropic:
-            return Load(constant=constant)
-        twice = self._unequal * sum(k * d.conj() * column for _, column, k, d in springs)
-        twist = self._unequal * sum(k * d.conj() ** 2 for _, _, k, d in springs)
-        return Load(constant=constant, twice=twice, twist=twist)
+        found = Load()
+        for _, column, k, d in self._springs(line):
+            found = found + Load(constant=k * d * column)
+            if not self.isotropic:
+                turning = k * self._unequal * d.conj()
+                found = found + Load(twice=turning * column, twist=turning * d.conj())
+        return found
 
 
 class OldhamCoupling(AbstractLinear, AbstractLoad):
