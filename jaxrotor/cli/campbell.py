@@ -15,6 +15,7 @@ from ..analysis.modal import KINDS, kind_of_whirl
 from ..analysis.resolved import resolved
 from ..analysis.static_instability import static_instability
 from ..core.attributes import variable
+from ..effects.film import AbstractFluid
 from ..equations.pencil import is_rounding
 from ..equations.rigid_motions import unheld
 from ..equations.speed_tables import speed_range
@@ -22,11 +23,14 @@ from ..plot.units import SPEEDS
 from ..scene import Scene
 from . import answer, options
 from .axis_units import axis_units
-from .linear import growth_at
+from .linear import growth_at, linear_at_speed, linear_over_speeds
 from .output import files_in, labelled
 
 
 _FILES = ("campbell.zarr", "campbell.png")
+IN_TABLES = "the speeds of all tables; extend them to search farther"
+IN_FILMS = "the speeds of the static positions; raise `spin.speed` to search farther"
+_NODES = 101  # static positions in films, between which coefficients are interpolated
 
 
 def campbell(
@@ -48,13 +52,15 @@ def campbell(
 ) -> None:
     """Campbell diagram: whirl frequencies and growth rates against speed, without contact.
 
-    A branch beyond --count that is damped less than all those shown is named below the table.
+    A branch beyond --count that is damped less than all those shown is named below the table. In films,
+    seals, rolling and magnetic bearings the roots are those about the static position at each speed.
     With --out, DIR/campbell.zarr and DIR/campbell.png.
 
     jaxrotor campbell limiter-rotor --to 9000rpm --out run
     """
-    rotor = resolved(options.scene_with(scene, settings), count)
-    speeds = options.speeds_between(rotor, low, high, points)
+    whole = options.scene_with(scene, settings)
+    rotor, speeds = linear_over_speeds(whole, low, high, points)
+    rotor = resolved(rotor, count)
     units = axis_units(scene, rotor, high, low, *settings or ())
     with files_in(out, _FILES, overwrite, units) as files:
         result = branches_of(rotor, speeds, count)
@@ -128,11 +134,15 @@ def critical(
 
     An orbit is the sum of a forward and a backward circle. Whirl is named after the one with at least 60 %
     of the kinetic energy, and is mixed if neither has: its orbits are nearly straight lines. The last
-    column is the share of stations along the shaft that whirl forward.
+    column is the share of stations along the shaft that whirl forward. In rolling bearings the stiffness
+    is that about the static position, in films and seals that at each speed up to 2.5 times the scene's.
 
     jaxrotor critical limiter-rotor --count 3
     """
     rotor = options.scene_with(scene, settings)
+    in_films = bool(rotor.of(AbstractFluid))
+    over = lambda one: linear_over_speeds(one, None, None, _NODES)[0]
+    rotor = over(rotor) if in_films else linear_at_speed(rotor)
     found, unstable, free = critical_speeds(rotor, count), static_instability(rotor), unheld(rotor)
     columns = (np.asarray(a).tolist() for a in (found.speeds, found.forward_share, found.senses))
     described = [
@@ -161,12 +171,14 @@ def critical(
         for kind, one in pairs
     ]
     heads = ("whirl", "undamped [rad/s]", "[rpm]", "[Hz]", "forward energy", "forward stations")
-    end = end_of_search(rotor, kinds, count)
+    end = end_of_search(rotor, kinds, count, IN_FILMS if in_films else IN_TABLES)
     notes = {"held": free and f"free: {free}", "statically unstable": unstable, "critical": end}
     answer.give(as_json, facts, answer.Table(rows, heads, range(1, 6)), answer.filled(notes))
 
 
-def end_of_search(rotor: Scene, found: Mapping[str, Sized], count: int) -> str:
+def end_of_search(
+    rotor: Scene, found: Mapping[str, Sized], count: int, why: str = IN_TABLES
+) -> str:
     """A clause that says where tables over speed end the search for `count` critical speeds, else ""."""
     span = speed_range(rotor, rotor.spin.sense)
     if span is None or all(len(own) >= count for kind, own in found.items() if kind != "mixed"):
@@ -174,7 +186,7 @@ def end_of_search(rotor: Scene, found: Mapping[str, Sized], count: int) -> str:
     low, high = (float(rotor.spin.sense * end) for end in span)
     others = "no others" if any(map(len, found.values())) else "none"
     between = f"{low:g} to {high:g} rad/s ({options.rpm(low):.6g} to {options.rpm(high):.6g} rpm)"
-    return f"{others} from {between}, the speeds of all tables; extend them to search farther"
+    return f"{others} from {between}, {why}"
 
 
 def described_critical(rotor: Scene, count: int) -> dict[str, list[float]]:

@@ -15,6 +15,7 @@ from ..analysis.modal import kind_of_whirl
 from ..analysis.resolved import resolved
 from ..analysis.whirl_tables import OverWhirl
 from ..core.compiled import compiled_quickly
+from ..effects.film import AbstractFluid
 from ..equations.pencil import frame, is_rounding
 from ..equations.system import structure
 from ..files.units import quantity
@@ -140,6 +141,30 @@ def axes_of(rotor: Scene) -> str:
 def linear_at_speed(scene: Scene) -> Scene:
     """A scene with its films, seals, rolling and magnetic bearings linear about the static position."""
     return linearized(scene) if any(map(scene.of, BEARINGS)) else scene
+
+
+def linear_over_speeds(
+    scene: Scene, low: str | None, high: str | None, points: int
+) -> tuple[Scene, np.ndarray]:
+    """A scene as of `linear_at_speed`, at each of the speeds [rad/s] of `--from`, `--to` and `--points`.
+
+    In films these are by default between zero, where a film bears nothing, and 2.5 times the scene's.
+    """
+    if not scene.of(AbstractFluid):
+        linear = linear_at_speed(scene)
+        return linear, options.speeds_between(linear, low, high, points)
+    if high is None:
+        high = repr(options.BEYOND * float(scene.spin.speed))
+    last = quantity(high, "rad/s", "--to")
+    if not last:
+        raise ValueError(
+            "The range of speeds ends at 2.5 times the speed of the scene by default, but that is 0, "
+            "where films bear nothing; give it a speed, as by --set spin.speed=3000rpm."
+        )
+    speeds = np.linspace(*options.interval(low or repr(last / points), high), points)
+    running = float(scene.spin.speed)
+    between = speeds.min() <= running <= speeds.max()
+    return linearized(scene, np.union1d(speeds, [running] * between)), speeds
 
 
 def described_roots(rotor: Scene, count: int | None = None) -> tuple[str, list[dict[str, Any]]]:

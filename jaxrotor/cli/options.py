@@ -13,6 +13,7 @@ import typer
 
 from ..analysis import critical_speeds, settled
 from ..core.compiled import compiled_quickly
+from ..effects.places import of_first_order
 from ..equations.speed_tables import speed_range
 from ..equations.start import AbstractStart, AtRest, Whirl
 from ..equations.system import polar_inertia
@@ -254,7 +255,9 @@ def speeds_between(scene: Scene, low: str | None, high: str | None, points: int)
         low, high = (own or end for own, end in zip((low, high), ends, strict=True))
     if high is None:
         running = abs(float(scene.spin.speed))
-        marks = np.abs(critical_speeds(scene, 1 if running else 2).forward).tolist()
+        driven = of_first_order(scene.effects)  # by controllers, so without critical speeds
+        count = 1 if running else 2
+        marks = [] if driven else np.abs(critical_speeds(scene, count).forward).tolist()
         high = repr(sense * max(BEYOND * running, 1.25 * max(marks, default=0.0)))
     return np.linspace(*interval(low, high), points)
 

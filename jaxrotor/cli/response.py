@@ -15,6 +15,7 @@ from ..analysis import (
     response_peaks,
     unbalance_response,
 )
+from ..analysis.linearized import BEARINGS
 from ..core.attributes import variable
 from ..effects import AbstractContact, Disc
 from ..equations.speed_tables import speed_range
@@ -24,7 +25,7 @@ from ..plot.units import LENGTHS, SPEEDS
 from ..scene import Scene
 from . import answer, options
 from .axis_units import axis_units
-from .linear import growth_at
+from .linear import growth_at, linear_over_speeds
 from .output import files_in, labelled
 
 
@@ -53,7 +54,8 @@ def response(
 ) -> None:
     """Steady response to unbalance: its peaks, and its values at operating and critical speeds.
 
-    The phase is the lead over the rotation. Contacts are left out: where the amplitude exceeds a
+    The phase is the lead over the rotation. Films, seals, rolling and magnetic bearings are linear about
+    the static position at each speed. Contacts are left out: where the amplitude exceeds a
     gap, use `simulate`. Where the rotor is unstable (growth above 0) the response is not attained.
     Amplification factors are those of API RP 684: the speed of a peak over the distance of the speeds
     beside it at which the amplitude is 0.707 of the peak's. So are the margins to the operating speeds.
@@ -67,12 +69,13 @@ def response(
     whole = rotor = options.scene_with(scene, settings)
     # Of a contact, which is left out below.
     station = rotor.stations(options.optional(at, "m", "--at"))
-    contacts = sorted({effect.plural for effect in rotor.of(AbstractContact)})
+    bearing = {effect.plural for kind in BEARINGS for effect in rotor.of(kind)}
+    contacts = sorted({effect.plural for effect in rotor.of(AbstractContact)} - bearing)
     for kind in contacts:
         rotor = rotor.without(kind)
     units = axis_units(scene, whole, high, low, operating, *settings or ())
     with files_in(out, _FILES, overwrite, units) as files:
-        speeds = options.speeds_between(rotor, low, high, points)
+        rotor, speeds = linear_over_speeds(rotor, low, high, points)
         range_ = _operating(rotor, operating, speeds)
         found = _peaks(rotor, speeds, station, high)
         result, whirls = found.response, found.critical

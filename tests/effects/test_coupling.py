@@ -240,5 +240,5 @@ def test_what_makes_no_coupling_is_refused():
         jr.Coupling(0.5, KS, tilt=0.01)
     with pytest.raises(ValueError, match="no casing 'other'"):
         machine(150.0, on="other")
-    with pytest.raises(ValueError, match="drive of the scene has feedback"):
+    with pytest.raises(ValueError, match="drive of the scene has `feedback`"):
         jr.run_up(machine(jr.Drive(30.0, 1.0, polar=1.0, feedback=True), disc=1.5), [0.0, 0.1])
