@@ -164,7 +164,7 @@ def linear_over_speeds(
     speeds = np.linspace(*options.interval(low or repr(last / points), high), points)
     running = float(scene.spin.speed)
     between = speeds.min() <= running <= speeds.max()
-    return linearized(scene, np.union1d(speeds, [running] * between)), speeds
+    return linearized(scene, np.union1d(speeds, [running] if between else [])), speeds
 
 
 def described_roots(rotor: Scene, count: int | None = None) -> tuple[str, list[dict[str, Any]]]:
