@@ -10,17 +10,17 @@ from matplotlib.patches import Circle, Rectangle
 from ..effects import (
     AnnularStator,
     BallBalancer,
-    Casing,
     Disc,
     Limiter,
+    LoosePedestal,
     RollingBearing,
     Support,
     Unbalance,
 )
-from ..effects.base import AbstractContact
+from ..effects.base import AbstractCasing
 from ..effects.rub import AbstractRub
 from ..scene import Scene
-from . import colours, labels, page
+from . import colours, labels, page, symbols
 from .units import length_unit
 
 
@@ -28,15 +28,22 @@ BESIDE, ABOVE = 17.0, 19.0  # mm: labels beside the Axes, labels and legend belo
 LOWEST, HIGHEST, NARROWEST = 50.0, 110.0, 85.0  # mm: sizes of a figure
 THICK = 0.5  # largest thickness of a disc, relative to the length of the shaft
 HOUSED = (0.5, 0.65)  # upper and lower side of a casing, between axis and ground
-DRAWN = (AnnularStator, Disc, BallBalancer, Casing, Limiter, RollingBearing, Support, Unbalance)
+SIZE, FLATTEST = 0.03, 0.1  # size of symbols, and least height over the axis, by the shaft's length
+ROW, IN_ROW = (
+    4.0,
+    4,
+)  # mm: height of a further row of the legend, and parts in a row if there are several
+DRAWN: tuple[type, ...] = (AnnularStator, Disc, BallBalancer, AbstractCasing, Limiter)
+DRAWN += (RollingBearing, Support, Unbalance, *symbols.SYMBOLS)
 
 
 def rotor(scene: Scene, ax: Axes | None = None) -> Axes:
     """Shaft, discs, bearings, limiters and rings of a scene, drawn to scale from the side.
 
     A disc is drawn as the solid disc of its mass and moments of inertia, but thin if that would be thicker
-    than half the length of the shaft. A limiter or ring is at its gap from the rim that it touches.
-    Damping, weight and other effects without a shape are named under the figure.
+    than half the length of the shaft. A limiter or ring is at its gap from the rim that it touches. Films,
+    seals, magnets, cracks and couplings are symbols. Damping, weight and other effects without a shape are
+    named under the figure.
 
     Args:
         scene: the scene to draw.
@@ -53,6 +60,15 @@ def rotor(scene: Scene, ax: Axes | None = None) -> Axes:
     tall += [_balls(ax, balls) for balls in scene.of(BallBalancer)]
     tall += [_rolling(ax, bearing) for bearing in scene.of(RollingBearing)]
     tall += [_stop(ax, stop, length) for stop in scene.of(AbstractRub)]
+    size = SIZE * length
+    drawn: list[Any] = [part for part in scene.effects if type(part) in symbols.SYMBOLS]
+    for part in drawn:
+        at = _drawn(part.at)
+        reach = symbols.draw(ax, part, at, _radius(scene.shaft, at), size)
+        tall.append(reach if part.on is None else 1.8 * reach)  # a casing begins below it
+        if getattr(part, "sensor", None) is not None:
+            sensor = _drawn(part.sensor)
+            symbols.draw_sensor(ax, sensor, _radius(scene.shaft, sensor), size)
     ground = -1.2 * max(tall)
     for held in getattr(scene.shaft, "constraints", ()):
         _constraint(ax, _drawn(held.at), held.holds, ground)
@@ -60,7 +76,7 @@ def rotor(scene: Scene, ax: Axes | None = None) -> Axes:
         if support.at is not None:
             foot = ground if support.on is None else HOUSED[0] * ground
             _spring(ax, _drawn(support.at), 0.0, foot, ground)
-    for casing in scene.of(Casing):
+    for casing in scene.of(AbstractCasing):
         _casing(ax, scene, casing, ground)
     heavy = [_drawn(unbalance.at) for unbalance in scene.of(Unbalance)]
     if heavy:
@@ -68,6 +84,7 @@ def rotor(scene: Scene, ax: Axes | None = None) -> Axes:
         ax.plot(heavy, np.zeros(len(heavy)), "o", label="unbalance", **style)
     ends = [-0.04 * length, 1.04 * length]
     ax.plot(ends, [0.0, 0.0], "-.", color=colours.DARK, linewidth=0.5)
+    ax.update_datalim([(0.0, side * FLATTEST * length) for side in (-1, 1)])
     ax.set_aspect("equal", adjustable="box")
     unit, size = length_unit("mm")[1], float(ax.xaxis.label.get_fontsize())
     wide = int(page.width_of(ax) / (0.55 * size))  # letters
@@ -82,9 +99,11 @@ def fit(ax: Axes) -> None:
     figure: Any = ax.figure
     (left, right), (low, high) = ax.get_xlim(), ax.get_ylim()
     ratio, width = (high - low) / (right - left), figure.get_figwidth() * 25.4
-    height = ratio * (width - BESIDE) + ABOVE
+    names = len(ax.get_legend_handles_labels()[1])
+    above = ABOVE + (ROW * (np.ceil(names / IN_ROW) - 1) if names > 6 else 0.0)
+    height = ratio * (width - BESIDE) + above
     if height > HIGHEST:
-        width, height = (HIGHEST - ABOVE) / ratio + BESIDE, HIGHEST
+        width, height = (HIGHEST - above) / ratio + BESIDE, HIGHEST
     figure.set_size_inches(page.inches(max(width, NARROWEST), max(height, LOWEST)))
 
 
@@ -114,6 +133,14 @@ def _shaft(ax: Axes, shaft: Any, length: float) -> float:
             bore = _drawn(part.inner_diameter) / 2
             _box(ax, (left, right), (-bore, bore), facecolor="white", label="bore")
     return _drawn(max(float(part.diameter) for _, part in parts)) / 2
+
+
+def _radius(shaft: Any, at: float) -> float:
+    """Radius of a shaft at a station as drawn; of one without a diameter that of a thick line."""
+    if not hasattr(shaft, "diameter"):
+        return 0.3 * SIZE * _drawn(shaft.length)
+    parts = [shaft, *(step for step in shaft.steps if _drawn(step.at) < at)]
+    return _drawn(parts[-1].diameter) / 2
 
 
 def _disc(ax: Axes, disc: Disc, length: float) -> float:
@@ -181,17 +208,23 @@ def _constraint(ax: Axes, at: float, holds: str, ground: float) -> None:
         ax.plot([at, at], [ground, -ground], linewidth=1.0, linestyle="--", **style)
 
 
-def _casing(ax: Axes, scene: Scene, casing: Casing, ground: float) -> None:
-    """Draw a casing below what stands on it at the shaft, and a spring to the ground."""
-    supports = scene.of(Support)
-    parts = (*supports, *scene.of(AbstractContact))
-    above = [_drawn(one.at) for one in parts if one.on == casing.name and one.at is not None]
+def _casing(ax: Axes, scene: Scene, casing: AbstractCasing, ground: float) -> None:
+    """Draw a casing below what stands on it at the shaft, and a spring, or bolts, to the ground."""
+    parts: list[Any] = [one for one in scene.effects if getattr(one, "on", None) == casing.name]
+    above = [_drawn(one.at) for one in parts if getattr(one, "at", None) is not None]
     if not above:
         return
     x = min(above) + 0.3 * ground, max(above) - 0.3 * ground
-    _box(ax, x, (HOUSED[1] * ground, HOUSED[0] * ground), facecolor="0.7", label="casing")
-    if any(one.of == casing.name for one in supports):
-        _spring(ax, sum(x) / 2, HOUSED[1] * ground, ground, ground)
+    label, foot = labels.words(casing.kind), HOUSED[1] * ground
+    _box(ax, x, (foot, HOUSED[0] * ground), facecolor="0.7", label=label)
+    if isinstance(casing, LoosePedestal):
+        for bolt in (x[0] + 0.2 * (x[1] - x[0]), x[1] - 0.2 * (x[1] - x[0])):
+            ends = [0.95 * HOUSED[0] * ground, ground]
+            page.curve(ax, [bolt, bolt], ends, colours.DARK, page.once(ax, "bolt"), 2.0)
+        slab = sorted((ground, 1.1 * foot))
+        _box(ax, x, (slab[0], slab[1]), facecolor="0.9", label="foundation", hatch="///")
+    if any(one.of == casing.name for one in scene.of(Support)):
+        _spring(ax, sum(x) / 2, foot, ground, ground)
 
 
 def _spring(ax: Axes, at: float, top: float, foot: float, ground: float) -> None:

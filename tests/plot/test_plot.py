@@ -8,7 +8,7 @@ import pytest
 import xarray as xr
 from drawn import check_axes, lines
 from matplotlib.colors import LogNorm, to_hex
-from matplotlib.patches import Circle
+from matplotlib.patches import Circle, Polygon
 
 import jaxrotor as jr
 from jaxrotor import plot
@@ -114,6 +114,37 @@ def test_a_casing_is_drawn_between_shaft_and_ground():
     assert [x for x, _ in feet] == pytest.approx([200.0, 800.0, 500.0])
     top = box.get_y() + box.get_height()
     assert feet[0][1] == feet[1][1] == pytest.approx(top) and feet[2][1] < box.get_y()
+    plt.close("all")
+
+
+def test_parts_without_a_size_are_symbols_at_their_stations():
+    """On the surface of a shaft of 25 mm radius, as high above the axis as below; a crack is within."""
+    parts = [
+        jr.LoosePedestal("block", 12.0, 5e7, 8e3, 2e7, 4e3, 4e-5),
+        jr.Support(0.05, 8e6, on="block"),
+        jr.Crack(0.6, compliance=1e-6),
+        jr.Seal(0.7, 4e-4, 6e5, 1800.0, 0.46),
+        jr.Coupling(1.0, 1e5, 0.2),
+        jr.OldhamCoupling(0.9, 1.5, 2e-4),
+        jr.MagneticBearing(0.3, 4e-6, 3.0, 4e-4, kp=15000.0, kd=15.0, sensor=0.36),
+        jr.SqueezeFilm(0.8, 0.02, 0.03, 0.1, 1e-4),
+    ]
+    ax = plot.rotor(jr.Scene(jr.FlexibleShaft(1.0, 0.05), *parts, spin=jr.ConstantSpeed(1.0)))
+    handles, names = ax.get_legend_handles_labels()
+    drawn = dict(zip(names, handles, strict=True))
+    assert {"loose pedestal", "foundation", "bolt", "support"} < set(names)
+    places = {"seal": 700, "coupling": 1000, "floating disc": 900, "magnetic bearing": 300}
+    for name, at in (places | {"squeeze film": 800}).items():
+        every = [p.get_xy() for p in ax.patches if isinstance(p, Polygon)]
+        own = [xy for xy in every if abs(xy[:, 0].mean() - at) < 40]
+        x, y = np.concatenate(own).T
+        assert x.min() + x.max() == pytest.approx(2 * at), name
+        assert y.max() == pytest.approx(-y.min()) and np.abs(y).min() >= 25.0 - 1e-9
+        assert drawn[name].get_xy()[0, 1] >= 25.0 - 1e-9
+    assert drawn["crack"].get_xdata() == pytest.approx(600.0, abs=10.0)
+    assert np.abs(drawn["crack"].get_ydata()).max() <= 30.0
+    assert drawn["sensor"].get_xdata() == [360.0]
+    assert "not drawn" not in ax.get_xlabel()
     plt.close("all")
 
 
