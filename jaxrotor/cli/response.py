@@ -14,11 +14,14 @@ from ..analysis import (
     growth_rate,
     response_peaks,
     unbalance_response,
+    weight_response,
 )
 from ..analysis.linearized import BEARINGS
 from ..core.attributes import variable
 from ..effects import AbstractContact, Disc
+from ..equations.pencil import frame
 from ..equations.speed_tables import speed_range
+from ..equations.system import structure
 from ..files.units import quantity
 from ..plot.marks import amplitudes
 from ..plot.units import LENGTHS, SPEEDS
@@ -57,8 +60,10 @@ def response(
     The phase is the lead over the rotation. Films, seals, rolling and magnetic bearings are linear about
     the static position at each speed. Contacts are left out: where the amplitude exceeds a
     gap, use `simulate`. Where the rotor is unstable (growth above 0) the response is not attained.
-    Amplification factors are those of API RP 684: the speed of a peak over the distance of the speeds
-    beside it at which the amplitude is 0.707 of the peak's. So are the margins to the operating speeds.
+    A shaft or a coupling that is stiffer along one axis adds vibration of twice the frequency, 2X,
+    which is told at the operating speeds. Amplification factors are those of API RP 684: the speed of
+    a peak over the distance of the speeds beside it at which the amplitude is 0.707 of the peak's. So
+    are the margins to the operating speeds.
     Without --to the range is made longer until both of these speeds of the first peak lie in it.
     With --out, DIR/response.zarr and DIR/response.png.
 
@@ -92,6 +97,7 @@ def response(
         growth = growth_at(rotor, result.speeds)
         ends = [] if range_ is None else list(dict.fromkeys(range_))
         running = [_at(rotor, one, station) for one in ends if speeds.min() <= one <= speeds.max()]
+        twice = _twice(rotor, [one["speed"] for one in running], station)
         if out is not None:
             files.data(_dataset(result, growth, rotor))
             marks: dict[str, Any] = {"critical": whirls, "peaks": found}
@@ -102,7 +108,7 @@ def response(
     answer.note_large(largest, float(rotor.shaft.length))
     unstable, margins = float(np.mean(growth > 0)), _margins(found, range_)
     facts = {"scene": scene, "station": result.stations[0], "without": contacts, "peaks": peaks}
-    facts |= {"margins": margins, "operating": range_, "at_operating": running}
+    facts |= {"margins": margins, "operating": range_, "at_operating": running, "twice": twice}
     facts |= {"critical": critical, "unstable_share": unstable, "written": files.written}
     unit, own = units["speed"], "\N{MICRO SIGN}m" if largest < 1e-4 else "mm"
     length = units["length"] or own
@@ -120,6 +126,7 @@ def response(
         "clearance": _clearance(_nearest(found, whole), found, (LENGTHS[length], length)),
         "peak": "" if found.speeds.size else none,
         "operating": f"{text(ends, 'to')} {unit}" if ends else "",
+        "2X there": ", ".join(f"{LENGTHS[length] * one:.6g} {length}" for one in twice),
         "unstable": share if unstable else "",
     }
     answer.give(as_json, facts, *tables, answer.filled(notes) + files.rows)
@@ -243,6 +250,14 @@ def _at(rotor: Scene, speed: float, station: Any) -> dict[str, Any]:
     phase = float(_lead(found)[0, 0])
     amplitude = float(found.major[0, 0])
     return {"speed": speed, "amplitude": amplitude, "phase": phase, "growth": growth}
+
+
+def _twice(rotor: Scene, speeds: list[float], station: Any) -> list[float]:
+    """Amplitudes [m] at twice the frequency of rotation, by weight or misalignment; none without any."""
+    system = structure(rotor)
+    if not (speeds and system.load.steady and frame(system.blocks) == "rotating"):
+        return []
+    return np.abs(weight_response(rotor, speeds, station).twice[:, 0]).tolist()
 
 
 def _lead(result: HarmonicResponse) -> np.ndarray:

@@ -1,5 +1,7 @@
 """Couplings: 2X of a misaligned line, instability by a stiffness that turns, torque, a floating disc."""
 
+import json
+
 import diffrax as dfx
 import jax
 import jax.numpy as jnp
@@ -7,8 +9,10 @@ import numpy as np
 import pytest
 from differences import check_by_each
 from scipy.integrate import solve_ivp
+from typer.testing import CliRunner
 
 import jaxrotor as jr
+from jaxrotor.cli import app
 from jaxrotor.equations.system import assemble, structure
 
 
@@ -122,6 +126,15 @@ def test_derivatives_by_every_number():
             return jnp.concatenate([z.real, z.imag])
 
         check_by_each(parts, jnp.stack([rotor.get(path) for path in paths]), 1e-3, 1.0)
+
+
+def test_shipped_scene_and_the_command():
+    answer = CliRunner().invoke(
+        app, ["response", "misaligned-coupling", "--json", "--points", "41"]
+    )
+    (twice,) = json.loads(answer.stdout)["twice"]
+    assert twice == pytest.approx(1e-6 * abs(15.5843222994 - 12.4472338053j), rel=1e-11)
+    assert "2X" not in CliRunner().invoke(app, ["response", "two-discs", "--points", "41"]).stdout
 
 
 # === motions
