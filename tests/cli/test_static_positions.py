@@ -50,6 +50,7 @@ def test_critical_speeds_have_the_stiffness_at_each_speed():
     assert refused.exit_code and "--set spin.speed=3000rpm" in refused.output
 
 
+@pytest.mark.slow
 def test_campbell_has_the_static_position_of_each_speed():
     ends = "--from", 1000, "--to", 500, "--points", 3
     found = json.loads(run("campbell", "seal-whirl", *ends, "--json"))
@@ -61,6 +62,7 @@ def test_campbell_has_the_static_position_of_each_speed():
     assert mean["branches"][0]["frequency"][-1] == pytest.approx(same["roots"][0]["frequency"])
 
 
+@pytest.mark.slow
 def test_response_has_the_bearings_about_their_static_positions():
     """By equation (9) of the sheet, at the operating speed; it was that of a rotor without the seal."""
     found = json.loads(run("response", "seal-whirl", "--points", 41, "--json"))

@@ -128,6 +128,7 @@ def test_derivatives_by_every_number():
         check_by_each(parts, jnp.stack([rotor.get(path) for path in paths]), 1e-3, 1.0)
 
 
+@pytest.mark.slow
 def test_shipped_scene_and_the_command():
     answer = CliRunner().invoke(
         app, ["response", "misaligned-coupling", "--json", "--points", "41"]
