@@ -127,7 +127,7 @@ class AbstractDamping(AbstractEffect):
 
 
 class AbstractLoad(AbstractEffect):
-    """Effect that adds a constant or synchronous load."""
+    """Effect that adds a load: constant, synchronous or at twice the angle of rotation, see `Load`."""
 
     @abc.abstractmethod
     def load(self, line: AbstractLine, blocks: Blocks) -> Load:

@@ -110,11 +110,14 @@ def test_mirror():
 
 
 def test_derivatives_by_every_number():
-    scene = machine(150.0, body=True, angle=0.3)
+    slopes = {"angular_stiffness": 4e4, "tilt": 5e-4, "tilt_direction": -1.0}
+    scene = machine(150.0, body=True, angle=0.3, **slopes)
+    shaft, disc = jr.MasslessShaft(1.0, 0.5, K, -2e5, 1e5), jr.Disc(0.5, M, 0.4, 0.1)
+    scene = jr.Scene(shaft, disc, *scene.effects[1:], spin=scene.spin)
     oldham = machine(150.0, jr.Gravity(9.81), disc=1.5, body=True, angle=0.3)
     names = "stiffness", "anisotropy", "angle", "offset", "direction"
     for rotor, paths in (
-        (scene, [f"coupling.{name}" for name in names]),
+        (scene, [f"coupling.{name}" for name in (*names, *slopes)]),
         (oldham, [f"oldham_coupling.{name}" for name in ("mass", *names[2:])]),
     ):
 
