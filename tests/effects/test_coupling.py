@@ -81,6 +81,19 @@ def test_floating_disc():
     np.testing.assert_allclose(heavy, 1e6 * np.array(expected), rtol=0, atol=1e-12)
 
 
+def test_unbalance_couples_with_its_own_conjugate():
+    """`(k + k_s - m w^2 + i c w) z_1 + k_d z_1* = m e w^2`, whatever the misalignment."""
+    rotor, w = machine(400.0, jr.Unbalance(0.5, M, 2e-5, 0.8)), 400.0
+    found = jr.unbalance_response(rotor, w, 0.5)
+    z, load = complex(found.forward[0, 0]), M * 2e-5 * w**2 * np.exp(0.8j)
+    left = (K + KS - M * w**2 + 1j * C * w) * z + KD * z.conjugate()
+    assert abs(left - load) < 1e-12 * abs(load) and found.backward[0, 0] == 0
+    q, v = jr.steady_state(rotor)
+    z_0, z_2 = 1e-6 * response(rotor)
+    np.testing.assert_allclose(q, z_0 + z + z_2, rtol=1e-13)
+    np.testing.assert_allclose(v, 1j * w * (z + 2 * z_2), rtol=1e-13)
+
+
 @pytest.mark.parametrize(
     ("body", "edges"),
     [(False, (426.7382531301, 466.1217258566)), (True, (498.8403920588, 550.4526920847))],
