@@ -93,31 +93,32 @@ class Threads:
     count: int
 
     def each(self, call: Callable, chunks: list, tick: Callable[[int], None], sink: Any = None):
-        """Results of `call(chunk, tick)` in order of the chunks; a `sink` takes them instead."""
+        """Results of `call(chunk, tick)` in order of the chunks; None for what a `sink` took."""
         lock = threading.Lock()
 
         def one(chunk: Any, tick: Callable[[int], None]) -> Any:
             part = call(chunk, tick)
-            if sink is None:
+            if sink is None or not sink.takes(chunk):
                 return part
             with lock:
-                sink.put(chunk, part)
+                return sink.put(chunk, part)
 
         return spread(one, chunks, self.count, tick)
 
 
 def first_alone(call: Callable) -> Callable:
-    """`call`, of which one thread compiles each program, while others that need it wait.
+    """`call`, of which one thread compiles each program, while others that need the same one wait.
 
     A compiled function is compiled without running it, so that chunks run side by side from the first on.
     Any other function runs alone the first time.
     """
-    lock, known = threading.Lock(), set()
+    locks: dict[Any, threading.Lock] = {}
+    known = set()
 
     def run(*args: Any) -> Any:
-        key = _program_of(args) if isinstance(call, Compiled) else None
+        key = _program_of(args)
         if key not in known:
-            with lock:
+            with locks.setdefault(key, threading.Lock()):
                 if key not in known:
                     if not isinstance(call, Compiled):
                         out = call(*args)

@@ -23,7 +23,7 @@ import sys
 import tempfile
 import threading
 import zlib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -93,7 +93,7 @@ class StoredPrograms:
         self._function, self._inside, self._options = function, traced, options
         self._programs: dict[str, Program | None] = {}
         self._shapes: dict[str, Any] = {}
-        self._lock = threading.RLock()
+        self._locks: dict[str, Any] = {}  # by file
         own = function.__module__.partition(".")[0] in TRUSTED
         self._found_by_name = own and "<" not in function.__qualname__
         self._name = function.__module__, function.__qualname__, described(options)
@@ -107,7 +107,7 @@ class StoredPrograms:
         if found is None:
             return None
         file, arrays = found
-        with self._lock:
+        with self._lock(file):
             if file.name not in self._programs:
                 self._programs[file.name] = self._loaded_or_built(file, args, kwargs, arrays)
         program = self._programs[file.name]
@@ -119,10 +119,14 @@ class StoredPrograms:
         if found is None:
             return compute()
         file = found[0].with_name(f"{found[0].name}-shapes")
-        with self._lock:
+        with self._lock(file):
             if file.name not in self._shapes:
                 self._shapes[file.name] = _remembered(file, compute)
         return self._shapes[file.name]
+
+    def _lock(self, file: Path) -> Any:
+        """The lock of a program: others are compiled beside it."""
+        return self._locks.setdefault(file.name, threading.RLock())
 
     def _file_and_arrays(
         self, args: tuple, kwargs: dict[str, Any]
@@ -159,7 +163,7 @@ class StoredPrograms:
         if _calls_python(traced.jaxpr.jaxpr):
             _write(file, _UNSTORABLE)
             return None
-        with _compiled_anew():
+        with _WITHOUT_CACHE:
             program = Program(traced.lower().compile(), outputs[0])
         try:
             content = _packed(program)
@@ -191,23 +195,30 @@ class StoredPrograms:
         return jax.jit(of_arrays, **self._options).trace(*arrays), outputs
 
 
-@contextlib.contextmanager
-def _compiled_anew() -> Iterator[None]:
-    """Compile without the cache of jax: a program loaded from there lacks functions if stored again.
+class _WithoutCache:
+    """Compilation without the cache of jax: a program loaded from there lacks functions if stored again.
 
-    Other threads compile without it meanwhile, too.
+    The cache is off while any thread is inside; the others compile without it meanwhile, too.
     """
-    with _COMPILING:
-        jax.config.update("jax_enable_compilation_cache", False)
-        compilation_cache.reset_cache()  # jax reads the setting once
-        try:
-            yield
-        finally:
-            jax.config.update("jax_enable_compilation_cache", True)
-            compilation_cache.reset_cache()
+
+    def __init__(self) -> None:
+        self._lock, self.threads = threading.Lock(), 0
+
+    def __enter__(self) -> None:
+        self._count(1)
+
+    def __exit__(self, *_: Any) -> None:
+        self._count(-1)
+
+    def _count(self, more: int) -> None:
+        with self._lock:
+            self.threads += more
+            if self.threads == max(more, 0):  # the first to enter or the last to leave
+                jax.config.update("jax_enable_compilation_cache", more < 0)
+                compilation_cache.reset_cache()  # jax reads the setting once
 
 
-_COMPILING = threading.Lock()
+_WITHOUT_CACHE = _WithoutCache()
 
 
 def _calls_python(jaxpr: Any) -> bool:
@@ -294,7 +305,7 @@ def sources(package: Path = Path(__file__).parents[1]) -> str:
 def _folder() -> Path | None:
     """Folder of stored programs; None on anything but one CPU, or if jax keeps none on a local disk."""
     cache = jax.config.values["jax_compilation_cache_dir"]
-    enabled = jax.config.values["jax_enable_compilation_cache"] or _COMPILING.locked()
+    enabled = jax.config.values["jax_enable_compilation_cache"] or _WITHOUT_CACHE.threads
     if not cache or "://" in cache or not enabled:
         return None
     alone = jax.default_backend() == "cpu" and jax.device_count() == 1

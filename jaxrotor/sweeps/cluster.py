@@ -94,7 +94,7 @@ class Workers:
                 for done in running:
                     revolutions, part = done.result()
                     number = done.key[1]
-                    if sink is None:
+                    if sink is None or not sink.takes(chunks[number]):
                         results[number] = part
                     elif part is not None:
                         sink.put(chunks[number], part)
@@ -221,7 +221,7 @@ def _work(packed: bytes, chunk: Any) -> tuple[int, Any]:
         call, folder = _unpacked(packed)
     revolutions: list[int] = []
     part = call(chunk, revolutions.append)
-    if folder is not None:
+    if folder is not None and folder[0].takes(chunk):
         store, mark = folder
         with _lock:
             if mark.exists():

@@ -9,6 +9,12 @@ import xarray as xr
 
 
 Block = dict[str, slice]
+Chunk = Block | np.ndarray  # a block of the grid, or lanes by their numbers
+
+
+def is_block(chunk: Chunk) -> bool:
+    """Whether a chunk is a block, which has a place in the data set."""
+    return isinstance(chunk, dict)
 
 
 def block_shape(shape: Sequence[int], most: int, workers: int) -> tuple[int, ...]:
@@ -53,6 +59,8 @@ class Gathered:
     ):
         self.coords, self.attrs, self.block = coords, dict(attrs), dict(block)
         self.whole = xr.Dataset()
+
+    takes = staticmethod(is_block)
 
     def pending(self, blocks: list[Block]) -> list[Block]:
         """The blocks that are still to be computed: all of them."""

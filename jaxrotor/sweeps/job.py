@@ -22,7 +22,7 @@ from ..motion.stepped import Stepping
 from ..results.provenance import BRANCHES, as_json, assumed, versions
 from ..solvers.choice import solver_name
 from ..solvers.exponential import Exponential
-from .grid import Block
+from .grid import Block, Chunk
 from .lanes import Context, Lanes, Stages, run_chunk, run_rows
 from .observe import Variable
 
@@ -78,7 +78,24 @@ class Job(NamedTuple):
         kick = {"kick": self.kick} if self.kick else {}
         return identity(self.context) | {"carry": self.carry or "none"} | kick
 
-    def run(self, block: Block, tick: Callable[[int], None], *, size: int) -> xr.Dataset:
+    def run(
+        self,
+        chunk: Chunk,
+        tick: Callable[[int], None],
+        *,
+        finer: Context,
+        size: int,
+        sample_size: int,
+    ) -> xr.Dataset:
+        """Data set of a block of lanes, or of lanes that are run again with finer steps.
+
+        Programs are for `size` lanes, or for `sample_size` that are run again.
+        """
+        if isinstance(chunk, dict):
+            return self._block(chunk, tick, size)
+        return self._again(chunk, tick, finer, sample_size)
+
+    def _block(self, block: Block, tick: Callable[[int], None], size: int) -> xr.Dataset:
         """Data set of a block of lanes, run in a program for `size` of them."""
         axes = {path: v[block.get(path, slice(None))] for path, v in self.axes.items()}
         points = points_of(axes, np.arange(math.prod(map(len, axes.values()))))
@@ -91,8 +108,8 @@ class Job(NamedTuple):
         lanes = run_rows(self.context, self.stages, there_and_back, size, tick, self.kick)
         return _dataset(self.context, {**self.dims, **axes}, _by_branch(lanes, count))
 
-    def repeat(
-        self, lanes: np.ndarray, tick: Callable[[int], None], *, finer: Context, size: int
+    def _again(
+        self, lanes: np.ndarray, tick: Callable[[int], None], finer: Context, size: int
     ) -> xr.Dataset:
         """Data set of some lanes, by their numbers, with the finer steps of another context.
 

@@ -20,7 +20,7 @@ import zarr
 import zarr.storage
 
 from ..core.outcome import STATUS
-from .grid import Block, place_of, whole_of
+from .grid import Block, is_block, place_of, whole_of
 
 
 PENDING = STATUS.index("not_computed")
@@ -70,6 +70,8 @@ class Store:
 
     def __getstate__(self) -> dict[str, Any]:  # another process may run in another folder
         return self.__dict__ | {"path": self.path.absolute()}
+
+    takes = staticmethod(is_block)
 
     def pending(self, blocks: list[Block]) -> list[Block]:
         """The blocks that are still to be computed."""

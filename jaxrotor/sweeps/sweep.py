@@ -338,7 +338,10 @@ def _run(
     running: Any,
     progress: bool | None,
 ) -> xr.Dataset:
-    """Compute the blocks that are not in place yet, then errors from some lanes that are run again."""
+    """Compute the blocks that are not in place yet, and errors from some lanes that are run again.
+
+    Lanes are run again beside the first blocks, so that the programs of both compile at the same time.
+    """
     (sink, todo, size), context = place, job.context
     if error_sample is None:
         stepped = isinstance(context.plan.solver, Exponential)
@@ -347,10 +350,12 @@ def _run(
     sample = _evenly_spread(job.lanes, error_sample)
     if not todo and np.array_equal(sink.finished().get("error_lane", []), sample):
         sample = sample[:0]  # their errors are known already
-    chunks, sample_size = _chunks(sample, most, running.count)
-    total = (len(todo) * job.rows + len(chunks)) * (context.settle + context.keep)
+    again, sample_size = _chunks(sample, most, running.count)
+    total = (len(todo) * job.rows + len(again)) * (context.settle + context.keep)
+    sizes = {"size": size, "sample_size": sample_size}
+    run = functools.partial(job.run, finer=finer(context), **sizes)
     with bar(progress, total, f"{job.lanes} lanes", "lane-revolutions", size) as tick:
-        running.each(functools.partial(job.run, size=size), todo, tick, sink)
+        parts = running.each(run, [*todo[:1], *again, *todo[1:]], tick, sink)
         found = sink.finished()
         if isinstance(sink, Store) and (found["status"] == PENDING).any():
             raise StoreError(
@@ -359,11 +364,9 @@ def _run(
             )
         if failed(found["status"]).all():  # raises if the start is what is wrong
             context.start.state(assemble(context.scene), context.station)
-        if chunks:
-            closer = finer(context)
-            repeat = functools.partial(job.repeat, finer=closer, size=sample_size)
-            parts = running.each(repeat, chunks, tick)
-            repeated: Any = xr.concat(parts, "error_lane", data_vars="all")
+        if again:
+            of_sample = [part for part in parts if part is not None]
+            repeated: Any = xr.concat(of_sample, "error_lane", data_vars="all")
             sink.add(*errors_of(found, repeated))
     found = sink.finished()
     check_rebounds(context, found)
