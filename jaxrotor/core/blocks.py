@@ -6,7 +6,7 @@ from typing import Any
 import equinox as eqx
 from jaxtyping import Array, Complex, Float
 
-from .quantities import Scalar
+from .quantities import Number, Scalar
 
 
 class Blocks(eqx.Module):
@@ -78,8 +78,8 @@ class Load(eqx.Module):
         return Load(*(_add(getattr(self, name), getattr(other, name)) for name in _parts(self)))
 
     def unbalance_force(
-        self, speed: Scalar, acceleration: Scalar | None = None
-    ) -> Complex[Array, " r"] | None:
+        self, speed: Number, acceleration: Number | None = None
+    ) -> Complex[Array, "r ..."] | None:
         """`(Omega^2 - i Omega.) unbalance` in axes that rotate with the shaft; None where absent.
 
         Without `acceleration` the speed is constant.
@@ -94,16 +94,16 @@ class Load(eqx.Module):
         return self.constant is not None or self.carried is not None
 
     def still_force(
-        self, speed: Scalar, acceleration: Scalar | None = None
-    ) -> Complex[Array, " r"] | None:
+        self, speed: Number, acceleration: Number | None = None
+    ) -> Complex[Array, "r ..."] | None:
         """Load that stands still in fixed axes; None where absent."""
         if self.carried is None:
             return self.constant
         return _add(self.constant, _carried(speed, acceleration, 1) * self.carried)
 
     def twice_force(
-        self, speed: Scalar, acceleration: Scalar | None = None
-    ) -> Complex[Array, " r"] | None:
+        self, speed: Number, acceleration: Number | None = None
+    ) -> Complex[Array, "r ..."] | None:
         """Load at twice the angle of rotation, by which it is divided here; None where absent."""
         if self.carried_twice is None:
             return self.twice

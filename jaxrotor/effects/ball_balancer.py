@@ -4,6 +4,7 @@ from typing import ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from ..core.blocks import Blocks
@@ -47,13 +48,12 @@ class BallBalancer(AbstractBodies, AbstractLinear):
             )
 
     @property
-    def masses(self) -> Float[Array, " b"]:
-        masses = self.ball_mass * jnp.ones(self.places)
-        if self.in_use is None:
-            return masses
-        return jnp.where(jnp.arange(self.places) < self.in_use, masses, 0.0)
+    def masses(self) -> Float[Array, "b ..."]:
+        each = jnp.arange(self.places).reshape(-1, *[1] * jnp.ndim(self.ball_mass))
+        masses = self.ball_mass + 0.0 * each
+        return masses if self.in_use is None else jnp.where(each < self.in_use, masses, 0.0)
 
-    def drag(self, rate: Float[Array, " b"]) -> Float[Array, " b"]:
+    def drag(self, rate: Float[Array, "b ..."]) -> Float[Array, "b ..."]:
         return -self.drag_coefficient * self.race_radius * rate
 
     def blocks(self, line: AbstractLine) -> Blocks:
@@ -89,7 +89,8 @@ class BallContact(AbstractBetween):
         depth = radius * (pitch - jnp.abs(ahead))
         closing = -radius * side * (rate[None] - rate[:, None])
         force = self.stiffness * depth + self.damping * closing
-        pairs = present[None] * present[:, None] * (1 - jnp.eye(angle.size))
+        others = (1 - np.eye(len(angle))).reshape(*2 * [len(angle)], *[1] * (angle.ndim - 1))
+        pairs = present[None] * present[:, None] * others
         return -jnp.sum(pairs * side * jnp.where((depth > 0) & (force > 0), force, 0.0), axis=1)
 
     def duration(self, mass: Scalar) -> Scalar:

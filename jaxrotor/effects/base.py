@@ -189,7 +189,8 @@ class AbstractBodies(AbstractEffect):
     k m R phi.. = push - m Im(exp(-i phi) z..) + (k - 1) m R Omega..        of the body
     F = -m d^2/dt^2 R exp(i phi)                                            on the shaft
 
-    `push` is the sum of all forces along the race: drag, weight and contact between bodies.
+    `push` is the sum of all forces along the race: drag, weight and contact between bodies. Arrays of
+    bodies may have lanes last, and the parameters with them.
     """
 
     at: eqx.AbstractVar[Scalar]
@@ -204,11 +205,11 @@ class AbstractBodies(AbstractEffect):
 
     @property
     @abc.abstractmethod
-    def masses(self) -> Float[Array, " b"]:
+    def masses(self) -> Float[Array, "b ..."]:
         """Mass of every body [kg]; zero for an empty place."""
 
     @abc.abstractmethod
-    def drag(self, rate: Float[Array, " b"]) -> Float[Array, " b"]:
+    def drag(self, rate: Float[Array, "b ..."]) -> Float[Array, "b ..."]:
         """Drag along the race [N] by the rate relative to the shaft [rad/s]; it reacts on the shaft."""
 
 

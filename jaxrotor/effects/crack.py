@@ -8,6 +8,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..core.extremes import larger
+from ..core.lanes import computed_once
+from ..core.plane import directions
 from ..core.quantities import Number, Scalar, known, nonnegative, real
 from ..shafts.hinge import hinge
 from ..shafts.line import AbstractLine
@@ -187,7 +189,8 @@ class CrackLaw(AbstractLaw):
     def _turned(self, displacement: Plane, now: Now) -> tuple[Number, Number, Number, Number]:
         """Cosine and sine of the angle of the weak axis, displacements along it and across."""
         angle = cast(Any, now.angle) + self.angle
-        cos, sin = jnp.cos(angle), jnp.sin(angle)
+        axis = computed_once(directions(angle))
+        cos, sin = axis.real, axis.imag
         x, y = displacement
         return cos, sin, cos * x + sin * y, cos * y - sin * x
 

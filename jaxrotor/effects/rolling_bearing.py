@@ -8,6 +8,8 @@ import numpy as np
 
 from ..core.checks import check_counts
 from ..core.extremes import larger
+from ..core.lanes import computed_once, reduced
+from ..core.plane import directions
 from ..core.quantities import Number, Scalar, at_least, nonnegative, positive, real
 from .base import AbstractContact
 from .law import AbstractSmoothLaw, Hardness, Now, Plane
@@ -117,14 +119,15 @@ class RollingLaw(AbstractSmoothLaw):
     def __call__(self, displacement: Plane, velocity: Plane, now: Now) -> Plane:
         x, y = displacement
         cage = self.rate * cast(Any, now.angle) + self.phase
-        cos, sin = jnp.cos(cage), jnp.sin(cage)
+        first = computed_once(directions(cage))
+        cos, sin = first.real, first.imag
         # One sine and cosine serve all balls, along a first axis: lanes remain the last.
         apart = 2 * np.pi / self.balls * np.arange(self.balls)
         apart = apart.reshape(-1, *(1,) * max(jnp.ndim(x), jnp.ndim(cage)))
         ahead, aside = (jnp.asarray(part(apart), cos.dtype) for part in (np.cos, np.sin))
         cos, sin = cos * ahead - sin * aside, sin * ahead + cos * aside
         load = self.stiffness * self._compressed(cos * x + sin * y - self.gap)
-        return -jnp.stack([jnp.sum(load * cos, axis=0), jnp.sum(load * sin, axis=0)])
+        return -jnp.stack([reduced(jnp.add, load * part) for part in (cos, sin)])
 
     def _compressed(self, depth: Number) -> Number:
         """`(d)_+^n` of compressions `d` [m], with a derivative at zero, too."""

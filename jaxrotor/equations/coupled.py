@@ -12,22 +12,24 @@ import dataclasses
 from typing import NamedTuple
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex, Float
 
 from ..core import linalg
 from ..core.blocks import Blocks, Load
+from ..core.lanes import computed_once, per_lane, product
 from ..core.plane import plane
 from ..core.quantities import Scalar
 from ..effects.law import Now
 from ..scene import Scene
-from ..spins.base import Turning
+from ..spins.base import AbstractSpin, Turning
 from .accelerations import with_accelerations
 from .fixed_axes import SpeedTerms
-from .forces import applied_force, body_force, resistance, state_rates
+from .forces import resistance, state_rates
 from .kinematics import Kinematics
-from .moments import MomentBalance, drive_of
+from .moments import MomentBalance, drive_of, work
 from .port import Law, actual, of_each
 from .start import Launch
 from .system import System
@@ -87,11 +89,11 @@ class AuxiliaryState(eqx.Module):
     A part that the scene lacks has no entries.
     """
 
-    angle: Float[Array, " d"]  # theta [rad], d = 1 where the spin is free
-    speed: Float[Array, " d"]  # Omega [rad/s]
-    bodies: Float[Array, " b"]  # psi [rad]
-    bodies_rate: Float[Array, " b"]  # psi. [rad/s]
-    states: Float[Array, " s"]  # of laws, in their own units
+    angle: Float[Array, "d ..."]  # theta [rad], d = 1 where the spin is free
+    speed: Float[Array, "d ..."]  # Omega [rad/s]
+    bodies: Float[Array, "b ..."]  # psi [rad]
+    bodies_rate: Float[Array, "b ..."]  # psi. [rad/s]
+    states: Float[Array, "s ..."]  # of laws, in their own units
 
     @classmethod
     def of(cls, launch: Launch, system: System, *, free: bool) -> "AuxiliaryState":
@@ -160,43 +162,52 @@ class CoupledForces(eqx.Module):
         """Rotation now; the acceleration of a free spin is not known yet."""
         if self.free:
             return Turning(others.angle[0], others.speed[0], jnp.zeros(()))
-        spin, polar = self.system.spin, self.system.blocks.polar
-        angle, speed, acceleration = spin.turning(now.time, polar)
-        if spin.kinks is not None:
-            acceleration = spin.turning(now.inside, polar).acceleration
-        return Turning(self.begin + angle, speed, acceleration)
+
+        def known(parts: tuple[AbstractSpin, Scalar | None], now: Instant) -> Turning:
+            (spin, polar), (time, inside) = parts, now
+            found = spin.turning(time, polar)
+            if spin.kinks is None:
+                return found
+            return found._replace(acceleration=spin.turning(inside, polar).acceleration)
+
+        parts = self.system.spin, self.system.blocks.polar
+        alone = jnp.ndim(now.time) == 0
+        found = known(parts, now) if alone else per_lane(known, parts, now)
+        return found._replace(angle=self.begin + found.angle)
 
     def __call__(
-        self, at: Instant, seen: Complex[Array, " z"], others: AuxiliaryState, law: Law = actual
-    ) -> tuple[Complex[Array, " i"], AuxiliaryState]:
+        self, at: Instant, seen: Complex[Array, "z ..."], others: AuxiliaryState, law: Law = actual
+    ) -> tuple[Complex[Array, "i ..."], AuxiliaryState]:
         """Inputs of the linear rotor, and the rates of the others per second.
 
         `seen` are displacements and velocities of the ports, signals of the speed terms, and accelerations
-        of the stations by the linear rotor at its centre speed. `law` gives the forces of the ports.
+        of the stations by the linear rotor at its centre speed. `law` gives the forces of the ports. All
+        arrays may have lanes last, those of the equations too.
         """
         system, p = self.system, len(self.system.ports)
         turning = self.turning(at, others)
         terms = 0 if self.by_terms is None else self.by_terms.shape[1]
         rest = 2 * (p + self.read_coordinates) + terms
-        ends = np.cumsum([p, p, terms, seen.size - rest])
+        ends = np.cumsum([p, p, terms, len(seen) - rest])
         place, velocity, signals, acceleration, q = jnp.split(seen, ends)
         signals = (turning.speed - self.centre) * signals
-        given = jnp.zeros(system.n, complex).at[p : p + acceleration.size].set(acceleration)
-        motion = plane(place).T, plane(velocity).T
+        nothing = jnp.zeros((system.n, *seen.shape[1:]), complex)
+        given = jnp.concatenate([nothing[:p], acceleration, nothing[p + len(acceleration) :]])
+        motion = plane(place, axis=1), plane(velocity, axis=1)
         own = of_each(system.ports, Now(turning.speed, turning.angle, others.states), *motion)
         motions = list(zip(system.ports, *motion, own, strict=True))
         contacts = [law(i, *motion) for i, motion in enumerate(motions)]
-        contact = jnp.zeros(0, complex)
+        contact = nothing[:0]
         if p:
             pairs = zip(motions, contacts, strict=True)
             x, y = jnp.stack([port.added(f, d, v) for (port, d, v, _), f in pairs], axis=1)
-            contact = x + 1j * y
-            given = given + self.accelerance[:, :p] @ contact
+            contact = computed_once(jax.lax.complex(x, y))
+            given = given + product(self.accelerance[:, :p], contact)
         if self.weight is not None:
             given = given + self.weight
         if self.by_terms is not None:
-            given = given + self.by_terms @ signals
-        ahead = lambda part: jnp.zeros(system.n, complex).at[:p].set(part)
+            given = given + product(self.by_terms, signals)
+        ahead = lambda part: jnp.concatenate([part, nothing[p:]])
         none = jnp.zeros_like(others.bodies)
         spinning = turning.speed + others.bodies_rate
         bodies = others.bodies, spinning, none
@@ -216,16 +227,12 @@ class CoupledForces(eqx.Module):
                 if self.corotating is not None:
                     torque = torque + self._turning_parts(now, *jnp.split(now.back * q, 2))
                 spin = lambda then: moments.with_inertia(system, then, torque) / inertia
-        then = with_accelerations(system, self.accelerance, now, now.back * given, spin)
-        force = applied_force(system.load, then) + body_force(
-            system, then, lambda race: race.column
-        )
-        force = now.turn * (force + jnp.zeros_like(r))
+        then, force = with_accelerations(system, self.accelerance, now, now.back * given, spin)
+        force = now.turn * force
         acceleration = then.turning.acceleration
-        d = others.angle.size
         rates = AuxiliaryState(
-            jnp.full(d, turning.speed),
-            jnp.full(d, acceleration),
+            turning.speed + 0 * others.angle,
+            acceleration + 0 * others.angle,
             others.bodies_rate,
             then.bodies_acceleration - acceleration,
             state_rates(system, now, contacts, law),
@@ -236,7 +243,7 @@ class CoupledForces(eqx.Module):
         """Torque of parts that turn with the shaft, by all coordinates and their rates [N m]."""
         assert self.corotating is not None
         whole = now._replace(r=r, drift=velocity - 1j * now.turning.speed * r)
-        return jnp.imag(jnp.vdot(r, resistance(self.corotating, whole)))
+        return work(r, resistance(self.corotating, whole)).imag
 
 
 def _at(parts, unit: Float[Array, "_ s"]):

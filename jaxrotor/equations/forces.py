@@ -3,11 +3,12 @@
 from collections.abc import Callable, Iterator
 
 import jax.numpy as jnp
-from jaxtyping import Array, Complex, Float
+from jaxtyping import Array, Float
 
 from ..core.blocks import Blocks, Load
-from ..core.plane import direction, plane
-from ..core.quantities import Scalar
+from ..core.lanes import computed_once, product, reduced
+from ..core.plane import plane
+from ..core.quantities import Number, Scalar
 from ..effects.law import Now, States
 from .kinematics import Kinematics
 from .port import Law, Port, actual, of_all, of_each
@@ -34,7 +35,9 @@ def resistance(blocks: Blocks, now: Kinematics) -> Array:
         (blocks.rotating_damping, jnp.conj(now.drift)),
         (blocks.rotating_stiffness, jnp.conj(r)),
     ]
-    return sum((part @ vector for part, vector in parts if part is not None), start=jnp.zeros(()))
+    of = jnp.matmul if r.ndim == 1 else product
+    every = (of(part, vector) for part, vector in parts if part is not None)
+    return sum(every, start=jnp.zeros(()))
 
 
 def applied_force(load: Load, now: Kinematics) -> Array:
@@ -51,7 +54,7 @@ def applied_force(load: Load, now: Kinematics) -> Array:
 # === contacts
 
 
-Contacts = list[Float[Array, "_ 2"]]  # force of every law of every port, in fixed axes [N]
+Contacts = list[Float[Array, "_ 2 ..."]]  # force of every law of every port, in fixed axes [N]
 
 
 def contacts_of(system: System, now: Kinematics) -> Contacts:
@@ -70,7 +73,7 @@ def contact_force(
     return force
 
 
-def contact_torque(system: System, now: Kinematics, contacts: Contacts) -> Scalar:
+def contact_torque(system: System, now: Kinematics, contacts: Contacts) -> Number:
     """Torque of all contacts on the shaft about its axis [N m]."""
     torque = jnp.zeros(())
     for (port, motion), forces in zip(port_motion(system, now), contacts, strict=True):
@@ -94,7 +97,7 @@ def port_motion(system: System, now: Kinematics) -> Iterator[tuple[Port, tuple[A
     """Every port, its displacement and velocity [x, y] in fixed axes, and what its laws are given."""
     motions = []
     for port in system.ports:
-        place, velocity = port.row @ now.r, port.row @ now.velocity
+        place, velocity = (product(port.row[None], part)[0] for part in (now.r, now.velocity))
         motions.append((plane(place * now.turn), plane(velocity * now.turn)))
     places, velocities = ([motion[k] for motion in motions] for k in (0, 1))
     own = of_each(system.ports, now.of_laws, places, velocities)
@@ -113,24 +116,27 @@ def races_of(system: System) -> Iterator[tuple[Race, slice]]:
         start = stop
 
 
-def body_force(system: System, now: Kinematics, column: Callable[[Race], Array]) -> Array:
+def body_force(
+    system: System, now: Kinematics, outward: Array, column: Callable[[Race], Array]
+) -> Array:
     """`-Sum column m R (i phi.. - phi.^2) exp(i psi)`: force of all bodies.
 
-    The inertia of bodies carried along with the shaft, `m z..`, is in the blocks.
+    `outward` is `exp(i psi)`. The inertia of bodies carried along with the shaft, `m z..`, is in the
+    blocks.
     """
     force = jnp.zeros(())
     for race, part in races_of(system):
         whirl = 1j * now.bodies_acceleration[part] - now.bodies_speed[part] ** 2
-        whirl = race.bodies.masses * whirl * direction(now.bodies[part])
-        force = force - column(race) * race.bodies.race_radius * jnp.sum(whirl)
+        whirl = race.bodies.masses * whirl * outward[part]
+        force = force - column(race) * (race.bodies.race_radius * reduced(jnp.add, whirl))
     return force
 
 
 def body_accelerations(
-    system: System, now: Kinematics, races: Complex[Array, " p"], spin: Scalar
-) -> Float[Array, " b"]:
+    system: System, now: Kinematics, outward: Array, races: Array, spin: Number
+) -> Float[Array, "b ..."]:
     """`phi..` of all bodies where the centres of their races accelerate by `races exp(i theta)`."""
-    found = [jnp.zeros(0)]
+    found: list[Array] = []
     gravity = system.load.gravity
     for (race, part), acceleration in zip(races_of(system), races, strict=True):
         bodies, psi = race.bodies, now.bodies[part]
@@ -141,10 +147,10 @@ def body_accelerations(
         if gravity is not None:
             acceleration = acceleration - gravity * now.back
         push = force / jnp.where(bodies.masses > 0, bodies.masses, 1.0)
-        push = push - jnp.imag(jnp.conj(direction(psi)) * acceleration)
+        push = push - jnp.imag(jnp.conj(outward[part]) * acceleration)
         lag = (bodies.rolling - 1) * spin
         found.append((push / bodies.race_radius + lag) / bodies.rolling)
-    return jnp.concatenate(found)
+    return computed_once(jnp.concatenate(found)) if found else now.bodies
 
 
 def nonlinear_columns(system: System) -> list[tuple[Scalar, Array]]:

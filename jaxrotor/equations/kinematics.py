@@ -6,7 +6,8 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Complex, Float
 
-from ..core.plane import direction
+from ..core.lanes import computed_once
+from ..core.plane import directions
 from ..effects.law import Now
 from ..spins.base import Turning
 
@@ -27,29 +28,32 @@ class RotatingState(eqx.Module):
 
 
 class Kinematics(NamedTuple):
-    """Positions, velocities and accelerations of all moving parts, in the axes of the shaft."""
+    """Positions, velocities and accelerations of all moving parts, in the axes of the shaft.
+
+    Arrays may have lanes last.
+    """
 
     turning: Turning
-    r: Complex[Array, " n"]
-    drift: Complex[Array, " n"]  # r. [1/s], velocity relative to the axes
-    absolute: Complex[Array, " n"]  # q.. exp(-i theta) [1/s^2]; 0 for coordinates without mass
-    bodies: Float[Array, " b"]  # psi [rad]
-    bodies_speed: Float[Array, " b"]  # phi. [rad/s]
-    bodies_acceleration: Float[Array, " b"]  # phi.. [rad/s^2]
-    states: Float[Array, " s"]  # of laws, in their own units
+    r: Complex[Array, "n ..."]
+    drift: Complex[Array, "n ..."]  # r. [1/s], velocity relative to the axes
+    absolute: Complex[Array, "n ..."]  # q.. exp(-i theta) [1/s^2]; 0 for coordinates without mass
+    bodies: Float[Array, "b ..."]  # psi [rad]
+    bodies_speed: Float[Array, "b ..."]  # phi. [rad/s]
+    bodies_acceleration: Float[Array, "b ..."]  # phi.. [rad/s^2]
+    states: Float[Array, "s ..."]  # of laws, in their own units
 
     @property
-    def velocity(self) -> Complex[Array, " n"]:
+    def velocity(self) -> Complex[Array, "n ..."]:
         """`q. exp(-i theta)` [1/s]."""
         return self.drift + 1j * self.turning.speed * self.r
 
     @property
-    def turn(self) -> Complex[Array, ""]:
+    def turn(self) -> Complex[Array, "..."]:
         """`exp(i theta)`."""
-        return direction(self.turning.angle)
+        return computed_once(directions(self.turning.angle))
 
     @property
-    def back(self) -> Complex[Array, ""]:
+    def back(self) -> Complex[Array, "..."]:
         """`exp(-i theta)`, by which a vector in fixed axes is given in those of the shaft."""
         return jnp.conj(self.turn)
 

@@ -108,7 +108,7 @@ def _acts_on(n: int, *blocks: Array | None) -> Bool[Array, " n"]:
 def _solution(residual: Residual, where: Mask) -> Complex[Array, " n"]:
     """`x`, zero except at `where`, such that a residual that is real-linear in `x` vanishes there."""
     matrix, offset = _equations(residual, where)
-    x = eliminated(matrix, -offset, pivots=True)
+    x = eliminated(matrix, -offset)
     return jnp.where(where, x[: where.size] + 1j * x[where.size :], 0.0)
 
 

@@ -3,7 +3,7 @@
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array
+from jaxtyping import Array, Complex
 
 from ..core.blocks import Blocks, Load
 from ..core.quantities import Scalar
@@ -57,21 +57,21 @@ class MomentBalance(eqx.Module):
         """
         torque = drive_of(system).moment(now.turning.speed, sense)
         if self.corotating is not None:
-            torque = torque + jnp.imag(jnp.vdot(now.r, resistance(self.corotating, now)))
+            torque = torque + work(now.r, resistance(self.corotating, now)).imag
         torque = torque + contact_torque(system, now, contacts)
         if self.galerkin.twice is not None and self.galerkin.twist is not None:
             beside = jnp.vdot(now.r, self.galerkin.twice)
             torque = torque + jnp.imag((self.galerkin.twist * now.turn - 2 * beside) * now.turn)
         for race, part in races_of(system):
             rate = now.bodies_speed[part] - now.turning.speed
-            torque = torque - race.bodies.race_radius * jnp.sum(race.bodies.drag(rate))
+            torque = torque - race.bodies.race_radius * jnp.sum(race.bodies.drag(rate), axis=0)
         return torque
 
     def with_inertia(self, system: System, now: Kinematics, torque: Array) -> Array:
         """`torque` and the part that depends on the accelerations `now` [N m]."""
         whole = self.resultant.unbalance
         if self.galerkin.unbalance is not None:
-            torque = torque - jnp.imag(jnp.vdot(self.galerkin.unbalance, now.absolute))
+            torque = torque - work(self.galerkin.unbalance, now.absolute).imag
             gravity = system.load.gravity
             if gravity is not None and whole is not None:
                 pull = jnp.conj(whole[0]) * gravity * now.back
@@ -80,8 +80,13 @@ class MomentBalance(eqx.Module):
             bodies = race.bodies
             share = (bodies.rolling - 1) * bodies.race_radius**2 * bodies.masses
             late = now.bodies_acceleration[part] - now.turning.acceleration
-            torque = torque + jnp.sum(share * late)
+            torque = torque + jnp.sum(share * late, axis=0)
         return torque
+
+
+def work(displacement: Complex[Array, "n ..."], force: Array) -> Complex[Array, "..."]:
+    """`Sum conj(displacement) force`."""
+    return jnp.sum(jnp.conj(displacement) * force, axis=0)
 
 
 def drive_of(system: System) -> Drive:

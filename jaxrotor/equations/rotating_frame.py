@@ -150,7 +150,7 @@ class Transient(eqx.Module):
         if moments is not None:
             torque = moments.torque(system, now, contacts, self.sense)
             spin = lambda then: self._acceleration(moments.with_inertia(system, then, torque))
-        return with_accelerations(system, self.inverse, now, given, spin)
+        return with_accelerations(system, self.inverse, now, given, spin)[0]
 
     def _blocks(self, speed: Scalar) -> Blocks:
         """Blocks at a speed; outside of tables those at their end, where no solver gets lost."""

@@ -11,6 +11,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Complex, Float, Int
 
+from ..core.lanes import lanes_last
 from ..core.outcome import Outcome
 from ..core.quantities import Number, Scalar
 from ..effects.law import Now
@@ -19,7 +20,6 @@ from ..equations.start import AbstractStart
 from ..equations.system import System
 from ..solvers.basis import Count
 from ..solvers.exponential import Exponential
-from ..solvers.lanes import lanes_last
 
 
 SHORT = 20  # windows, below which every one is a checkpoint

@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from ..core.lanes import per_lane
 from ..core.outcome import Outcome
 from ..core.quantities import Scalar
 from ..equations.kinematics import Kinematics, RotatingState
@@ -16,7 +17,6 @@ from ..equations.rotating_frame import Transient
 from ..equations.start import AbstractStart, Continued, Launch
 from ..scene import Scene
 from ..solvers.basis import Count
-from ..solvers.lanes import per_lane
 from .base import AbstractMarch, Bodies, Plan, Window, bounded
 from .history import imbalance_of
 from .revolutions import revolution_rate

@@ -10,6 +10,7 @@ from jaxtyping import Array, Complex, Float
 
 from ..core import linalg
 from ..core.compiled import compiled
+from ..core.plane import direction
 from ..core.quantities import known
 from ..core.tables import largest_rows, notebook_table
 from ..effects import AbstractContact, Support
@@ -219,7 +220,8 @@ def _constraints(scene: Scene, transient: Transient, influence: Influence) -> Ac
         reaction = resistance(own, now) - applied_force(load, now)
         contacts, column = contacts_of(system, now), lambda port: ends(line, port.at, port.on)[1]
         reaction -= contact_force(system, now, contacts, column)
-        reaction -= body_force(system, now, lambda race: line.column(race.at))
+        outward = direction(now.bodies)
+        reaction -= body_force(system, now, outward, lambda race: line.column(race.at))
         if inertia is not None:
             reaction += inertia @ now.absolute
         return jnp.asarray(forces) @ reaction, jnp.asarray(moments) @ reaction

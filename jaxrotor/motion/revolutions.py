@@ -10,6 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Bool, Complex, Float
 
+from ..core.lanes import per_lane
 from ..core.outcome import Outcome
 from ..core.quantities import Scalar, known
 from ..effects.law import Now
@@ -27,7 +28,6 @@ from ..solvers.basis import Count, Dense, ModalBasis, Rotation, SlotBasis, SlotR
 from ..solvers.control import step_control, tuned
 from ..solvers.exponential import Exponential, revolution, revolution_of_lanes
 from ..solvers.form import AbstractForm, PhysicalForm
-from ..solvers.lanes import per_lane
 from ..solvers.located import LocatedStep
 from ..solvers.ports import PortForm, take_lanes
 from ..solvers.remainder import RemainderMap

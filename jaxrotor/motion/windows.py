@@ -11,6 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex, Float
 
+from ..core.lanes import lanes_last, per_lane, product
 from ..core.outcome import Outcome
 from ..core.quantities import Scalar
 from ..effects.law import Now
@@ -22,7 +23,6 @@ from ..equations.system import System, assemble
 from ..scene import Scene
 from ..solvers.basis import Count, modal
 from ..solvers.exponential import Exponential
-from ..solvers.lanes import lanes_last, per_lane, product
 from ..solvers.located import LocatedStep
 from ..solvers.ports import take_lanes
 from ..solvers.step import Step

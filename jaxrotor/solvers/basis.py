@@ -10,8 +10,8 @@ import numpy as np
 from jaxtyping import Array, Bool, Complex, Float, Inexact, Int
 
 from ..core import linalg
+from ..core.lanes import product
 from ..core.quantities import Scalar
-from .lanes import product
 from .phi import balancing_units, phi_dense, phi_scalar
 from .shapes import Shapes
 

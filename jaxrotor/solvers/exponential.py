@@ -15,13 +15,13 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Float, Int
 
+from ..core.lanes import lanes_last
 from ..equations.constant_frame import ConstantFrame
 from ..equations.pencil import isotropic
 from ..equations.stationary_frame import Motion
 from ..equations.system import System
 from .basis import Basis, Count, dense, modal
 from .forcing import AtConstantSpeed
-from .lanes import lanes_last
 from .located import LocatedStep
 from .ports import PortForm, Reading, YieldingReading
 from .rotor import RotorAtSpeed

@@ -32,7 +32,7 @@ def force_through(
     def solve(missing: Callable, force: Array) -> Array:
         def newton(_, state):
             force, _ = state
-            change = -eliminated(jax.jacfwd(missing)(force), missing(force), pivots=True)
+            change = -eliminated(jax.jacfwd(missing)(force), missing(force))
             return force + change, change
 
         force, change = jax.lax.fori_loop(0, ITERATIONS, newton, (force, jnp.zeros_like(force)))
@@ -42,6 +42,6 @@ def force_through(
         return jnp.where(jnp.all(good), force, jnp.nan)
 
     def linear(slope: Callable, value: Array) -> Array:
-        return eliminated(jax.jacfwd(slope)(value), value, pivots=True)
+        return eliminated(jax.jacfwd(slope)(value), value)
 
     return jax.lax.custom_root(missing, jnp.zeros(through.shape[1]), solve, linear)

@@ -7,16 +7,15 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float
 
+from ..core.lanes import per_lane, product
 from ..core.quantities import Scalar
 from ..effects.law import Now
 from ..equations.coupled import AuxiliaryState, CoupledForces, Instant
 from ..equations.kinematics import Turning
 from ..equations.port import Law, Port
-from .lanes import per_lane, product
-from .ports import PortField, Reading, forces_of_lanes
+from .ports import PortField, Reading, forces_of_lanes, take_lanes
 from .step import AbstractForcing, At, StepData
 
 
@@ -244,15 +243,14 @@ class Coupled(AbstractWholeMotion):
         sizes = self.sizes
         call = lambda parts, both: _found(parts[:2], both, sizes, parts[2])
         parts, both = (self.coupled, node, law), jnp.concatenate([seen, x])
-        found = call(parts, both) if both.ndim == 1 else per_lane(call, parts, both)
-        inputs, rates = jnp.split(found, [found.shape[0] - sizes.total])
+        if both.ndim == 1 or take_lanes(self.ports):
+            found = call(parts, both)
+        else:
+            found = per_lane(call, parts, both)
+        inputs, rates = jnp.split(found, [len(found) - sizes.total])
         return inputs, rates / self.rate
 
     def of_laws(self, node, x):
-        of = lambda parts, x: parts[0]._of_laws(parts[1], x)
-        return of((self, node), x) if x.ndim == 1 else per_lane(of, (self, node), x)
-
-    def _of_laws(self, node: Instant, x: Float[Array, " x"]) -> Now:
         others = self.sizes.named(x)
         turning = self._turning(node, others)
         return Now(turning.speed, turning.angle, others.states)
@@ -271,11 +269,12 @@ class Coupled(AbstractWholeMotion):
 
 @eqx.filter_jit  # traced once a program
 def _found(
-    parts: tuple[CoupledForces, Instant], seen: Float[Array, " z"], sizes: Sizes, law: Law
-) -> Float[Array, " i"]:
+    parts: tuple[CoupledForces, Instant], seen: Float[Array, "z ..."], sizes: Sizes, law: Law
+) -> Float[Array, "i ..."]:
     """`[Re, Im]` of the inputs, and the rates of the others per second, by readings and others."""
     forces, now = parts
-    stage, x = jnp.split(seen, [seen.size - sizes.total])
+    stage, x = jnp.split(seen, [len(seen) - sizes.total])
     real, imag = jnp.split(stage, 2)
     found, rates = forces(now, jax.lax.complex(real, imag), sizes.named(x), law)
-    return jnp.concatenate([found.real, found.imag, ravel_pytree(rates)[0]])
+    own = [part + 0 * x[:1] for part in jax.tree.leaves(rates)]  # in every lane
+    return jnp.concatenate([found.real, found.imag, *own])

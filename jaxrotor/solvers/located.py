@@ -21,11 +21,11 @@ import jax.numpy as jnp
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Bool, Float, Int
 
+from ..core.lanes import per_lane, product
 from ..effects.law import Now, States
 from ..equations.port import AbstractPortLaw, Branches, Law, Port, actual, of_each
 from .basis import as_real
 from .crossing import Crossing, falls_through_zero, first_crossing
-from .lanes import per_lane, product
 from .ports import take_lanes
 from .step import AbstractForcing, AbstractRotor, At, Part, Step, StepData, in_turn, of_ports
 from .tableau import OnceTableau, Tableau

@@ -15,6 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex, Float, Inexact
 
+from ..core.lanes import per_lane, product
 from ..core.quantities import Scalar
 from ..effects.law import Now
 from ..equations.constant_frame import ConstantFrame
@@ -35,7 +36,6 @@ from .basis import (
 )
 from .feedthrough import force_through
 from .form import AbstractForm
-from .lanes import per_lane, product
 from .step import AbstractRotor, Step
 from .tableau import Flows, phase_at, tableau_of
 

@@ -12,12 +12,12 @@ from jaxtyping import Array, Bool, Float
 
 from ..core import linalg
 from ..core.extremes import larger
+from ..core.lanes import one_lane
 from ..core.quantities import Scalar
 from ..equations.stationary_frame import Motion
 from ..equations.system import System
 from .basis import Basis
 from .exponential import Exponential
-from .lanes import one_lane
 from .step import Step, StepData
 
 

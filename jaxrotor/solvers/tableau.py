@@ -14,10 +14,10 @@ from jaxtyping import Array, ArrayLike, Float, Inexact
 
 from ..core import linalg
 from ..core.extremes import larger
+from ..core.lanes import product
 from ..core.quantities import Scalar
 from ..equations.port import Port
 from .basis import Basis, Dense, Rotation, SlotRotation, as_real, packed, unpacked
-from .lanes import product
 
 
 def phase_at(theta: ArrayLike) -> Float[Array, "... 2"]:

@@ -4,7 +4,9 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike
 
+from ..core.lanes import per_lane
 from ..core.quantities import (
+    Number,
     Scalar,
     Series,
     known,
@@ -72,7 +74,8 @@ class Drive(AbstractSpin):
         """Torque of motor and resistance.
 
         Args:
-            speed: speed of rotation, one or many [rad/s].
+            speed: speed of rotation, one or many [rad/s], or that of every lane, where the parameters
+                have lanes last.
             sense: sign of the speed that Coulomb friction opposes, by default that of `speed`. A fixed
                 sense keeps the torque smooth at zero speed, so that the time of standstill can be found.
 
@@ -88,10 +91,12 @@ class Drive(AbstractSpin):
         if self.coulomb is not None:
             moment = moment - self.coulomb * (jnp.sign(speed) if sense is None else sense)
         if self.table_speeds is not None and self.table_torques is not None:
-            moment = moment + jnp.interp(speed, self.table_speeds, self.table_torques)
+            table = self.table_speeds, self.table_torques
+            of = lambda table, speed: jnp.interp(speed, *table)
+            moment += of(table, speed) if table[0].ndim == 1 else per_lane(of, table, speed)
         return moment
 
-    def inertia(self, polar: Scalar | None) -> Scalar:
+    def inertia(self, polar: Number | None) -> Number:
         """Moment of inertia that the drive accelerates [kg m^2]: its own `polar`, else the scene's."""
         polar = polar if self.polar is None else self.polar
         if polar is None:

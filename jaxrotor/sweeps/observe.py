@@ -8,11 +8,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from ..core.lanes import reduced
 from ..core.plane import plane, square
 from ..effects.base import AbstractBodies, AbstractContact
 from ..equations.system import state_names
 from ..scene import Scene
-from ..solvers.lanes import reduced
 from .observable import (
     AbstractObservable as AbstractObservable,
     AbstractStored,

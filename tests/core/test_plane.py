@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxrotor.core.plane import angle, plane
+from jaxrotor.core.plane import angle, directions, plane
 
 
 @pytest.mark.parametrize(("make", "kind"), [(np.asarray, np.ndarray), (jnp.asarray, jnp.ndarray)])
@@ -35,3 +35,28 @@ def test_angle_grows_by_the_motion_across():
     z, dz = 0.6 - 0.8j, 0.3 + 0.2j
     grown = (np.angle(z + 1e-6 * dz) - np.angle(z - 1e-6 * dz)) / 2e-6
     assert jax.jvp(angle, (z,), (dz,))[1] == pytest.approx(grown, rel=1e-9)
+
+
+@pytest.mark.parametrize("size", [0.1, 10.0, 1e6, 1e8])
+def test_directions_of_numpy(size):
+    """Beyond 1e6 rad to half of the last digit that the angle itself has."""
+    angles = np.random.default_rng(0).uniform(-size, size, 100_000)
+    quarters = np.pi / 4 * np.arange(-100, 101)
+    angles = np.concatenate([angles, quarters, np.nextafter(quarters, np.inf)])
+    found = np.asarray(jax.jit(directions)(angles))
+    np.testing.assert_allclose(
+        found, np.exp(1j * angles), rtol=0, atol=4e-16 + np.spacing(size) / 2
+    )
+    single = angles[:-402].astype(np.float32)
+    found = np.asarray(jax.jit(directions)(single))
+    assert found.dtype == np.complex64
+    atol = 2e-7 + np.spacing(np.float32(size))
+    np.testing.assert_allclose(found, np.exp(1j * single.astype(float)), rtol=0, atol=atol)
+
+
+def test_directions_turn_by_a_right_angle():
+    at = np.array([0.3, 4.0, -2.5e4])
+    value, rate = jax.jvp(directions, (at,), (np.array([1.0, 2.0, -1.0]),))
+    np.testing.assert_allclose(rate, 1j * value * np.array([1.0, 2.0, -1.0]), rtol=1e-15)
+    second = jax.grad(jax.grad(lambda x: directions(x).real))(0.3)
+    assert second == pytest.approx(-np.cos(0.3), rel=1e-15)

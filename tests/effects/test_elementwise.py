@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 import jaxrotor as jr
+from jaxrotor.core.lanes import one_lane
 from jaxrotor.effects.coefficients import DeviatorLaw
 from jaxrotor.effects.cubic_spring import CubicLaw
 from jaxrotor.effects.law import Now
 from jaxrotor.equations.port import Port
-from jaxrotor.solvers.lanes import one_lane
 from jaxrotor.solvers.ports import forces_of_lanes
 
 

@@ -294,6 +294,35 @@ def test_steps_that_a_motor_map_needs():
     np.testing.assert_allclose(runs[0].displacement, runs[1].displacement, rtol=1e-9)
 
 
+@pytest.mark.slow
+def test_lanes_under_a_motor_map():
+    """Each reads the table of its own motor, at its own speed, beside balls and a stop."""
+    table = {
+        "table_speeds": jnp.array([0.0, 200.0, 400.0]),
+        "table_torques": jnp.array([0.0, -1.0, -1.6]),
+    }
+    balls = jr.BallBalancer(0.5, BALL, RACE, DRAG)
+    scene = jeffcott(
+        balls, jr.Limiter(0.5, 0.0, **STOP), spin=dataclasses.replace(DRIVE, slope=None, **table)
+    )
+    times, torques = np.linspace(0.0, 0.1, 33), [4.0, 8.0]
+    settings = {"times": times, "steps_per_revolution": 64, "solver": jr.Exponential(order=4)}
+    observe = [jr.observe.Peak(), jr.observe.Capture(200.0), jr.observe.Imbalance()]
+    found = jr.sweep(
+        scene, {"spin.torque": torques}, observe=observe, error_sample=0, **settings, **QUIET
+    )
+    for k, torque in enumerate(torques):
+        run = jr.run_up(
+            scene.replace({"spin.torque": torque}),
+            times,
+            solver=jr.Exponential(order=4),
+            substeps=found.attrs["steps_per_sample"],
+        )
+        assert float(found.end_speed[k]) == pytest.approx(float(run.speed[-1]), rel=1e-9)
+        assert float(found.peak[k]) == pytest.approx(np.abs(run.displacement[:, 0]).max(), rel=1e-9)
+        assert float(found.imbalance_end[k]) == pytest.approx(np.abs(run.imbalance)[-1], rel=1e-8)
+
+
 @pytest.mark.parametrize(
     ("scene", "words"),
     [

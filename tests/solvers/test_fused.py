@@ -11,6 +11,7 @@ import pytest
 from systems import EFFECTS, one_disc
 
 import jaxrotor as jr
+from jaxrotor.core.lanes import lanes_last
 from jaxrotor.core.precision import single
 from jaxrotor.effects.base import AbstractContact
 from jaxrotor.effects.law import Now
@@ -20,7 +21,6 @@ from jaxrotor.motion.revolutions import March
 from jaxrotor.solvers.choice import solver_name
 from jaxrotor.solvers.exponential import _stepped, revolution
 from jaxrotor.solvers.fused import BLOCK, ELEMENTWISE, LaneStep, evaluate, scan_lanes
-from jaxrotor.solvers.lanes import lanes_last
 
 
 STEPS = 16

@@ -9,7 +9,8 @@ from typing import Any
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+import numpy as np
+from jaxtyping import Array, Float, Inexact
 
 
 THIN = 8  # columns, up to which a product is a sum over columns
@@ -29,12 +30,26 @@ def reduced(operation: Callable, rows: Array) -> Array:
     return rows[0]
 
 
+def computed_once(x: Array) -> Array:
+    """`x`, of which a last axis are lanes, by a sum, which ends a kernel.
+
+    Without one the compiler repeats `x`, and all before it, in each of its uses, also for every lane
+    where it is shared by all. Barriers do not stop it.
+    """
+    if x.ndim == 0:
+        return x
+    weights = np.array([1.0, 0.0]).reshape(2, *[1] * x.ndim)
+    return (x * weights).sum(0)
+
+
 def one_lane(tree: Any) -> Any:
     """Arrays of one trajectory with a last axis of one lane."""
     return jax.tree.map(lambda leaf: leaf[..., None] if eqx.is_array(leaf) else leaf, tree)
 
 
-def product(matrix: Float[Array, "a b ..."], x: Float[Array, "b ..."]) -> Float[Array, "a ..."]:
+def product(
+    matrix: Inexact[Array, "a b ..."], x: Inexact[Array, "b ..."]
+) -> Inexact[Array, "a ..."]:
     """`matrix @ x`, in every lane where there are some."""
     if 0 < matrix.shape[1] <= THIN:
         columns = [matrix[:, k] * x[k] for k in range(matrix.shape[1])]
