@@ -21,7 +21,7 @@ from ..core import linalg
 from ..core.blocks import Blocks, Load
 from ..core.lanes import computed_once, per_lane, product
 from ..core.plane import plane
-from ..core.quantities import Scalar
+from ..core.quantities import Number, Scalar
 from ..effects.law import Now
 from ..scene import Scene
 from ..spins.base import AbstractSpin, Turning
@@ -239,7 +239,7 @@ class CoupledForces(eqx.Module):
         )
         return jnp.concatenate([contact, signals, force[p:]]), rates
 
-    def _turning_parts(self, now: Kinematics, r: Array, velocity: Array) -> Scalar:
+    def _turning_parts(self, now: Kinematics, r: Array, velocity: Array) -> Number:
         """Torque of parts that turn with the shaft, by all coordinates and their rates [N m]."""
         assert self.corotating is not None
         whole = now._replace(r=r, drift=velocity - 1j * now.turning.speed * r)

@@ -60,7 +60,7 @@ class MomentBalance(eqx.Module):
             torque = torque + work(now.r, resistance(self.corotating, now)).imag
         torque = torque + contact_torque(system, now, contacts)
         if self.galerkin.twice is not None and self.galerkin.twist is not None:
-            beside = jnp.vdot(now.r, self.galerkin.twice)
+            beside = work(now.r, self.galerkin.twice)
             torque = torque + jnp.imag((self.galerkin.twist * now.turn - 2 * beside) * now.turn)
         for race, part in races_of(system):
             rate = now.bodies_speed[part] - now.turning.speed
