@@ -24,6 +24,7 @@ from ..scene import Scene
 from ..solvers.choice import choose, solver_name
 from ..solvers.exponential import Exponential
 from .guess import start_of
+from .passes import cycle_of, cycle_rate, with_cycle
 from .shooting import differentiable, plan_of
 
 
@@ -38,7 +39,7 @@ class Lyapunov(eqx.Module):
     growth: Float[Array | np.ndarray, "R e"]  # in every revolution [1/s]
     unresolved: Int[Array, ""]  # steps whose changes of contact were not located
     end: AbstractStart  # state to continue from
-    period: float = eqx.field(static=True)  # of a revolution [s]
+    period: float = eqx.field(static=True)  # of a revolution, or a pass [s]
     scene: Scene
     steps: int = eqx.field(static=True)  # in a revolution
     solver: str = eqx.field(static=True)
@@ -86,11 +87,12 @@ def lyapunov(
     Args:
         scene: the rotor, at constant speed. Runs of other values of the same scene reuse the program.
         start: state to begin with, end of a `TimeHistory`, or an orbit; by default `AtRest()`.
-        revolutions: over which the growth is averaged.
+        revolutions: over which the growth is averaged; in rolling bearings without unbalance passes of
+            their balls, as in `periodic`.
         count: number of exponents, up to four a coordinate.
         settle: revolutions before the average; in the last half of them the disturbances already turn
             into their directions.
-        steps_per_revolution: of the shaft.
+        steps_per_revolution: of the shaft, or in a pass.
         solver: `Exponential(4, located=True)` by default. Sharp stops take located steps.
         period: length of a "revolution" at zero speed [s].
         seed: of the first disturbances.
@@ -118,15 +120,17 @@ def lyapunov(
         raise ValueError(
             f"`revolutions` must be at least {2 * BLOCKS} to estimate an error, but is {revolutions}."
         )
-    check_constant(scene, "`lyapunov`")
+    check_constant(scene, "`lyapunov`", turning=True)
     start = AtRest() if start is None else start_of(start, "start")
     together = port_groups(scene)
     system = assemble(scene, together)
+    passes = cycle_of(scene, system, "`lyapunov`").passes
+    system = with_cycle(system, passes)
     if count > 4 * system.n:
         raise ValueError(
             f"`count` must be at most {4 * system.n}, four a coordinate, but is {count}."
         )
-    rate = revolution_rate(scene, period)
+    rate = cycle_rate(system, passes) if passes else revolution_rate(scene, period)
     chosen: Any = choose(differentiable(solver, system), system, rate, start)
     several = len(scene.of(AbstractContact)) > 1  # of which some may never be touched
     steps = steps_per_revolution

@@ -65,6 +65,18 @@ def test_orbit_of_a_pass(speed):
 
 
 @pytest.mark.slow
+def test_neighbours_diverge_by_the_multipliers_of_a_pass():
+    """Lyapunov exponents of an orbit are `ln |multipliers|` in its period."""
+    scene, (_, multipliers) = machine(900.0), PASSAGES[900.0]
+    period = 2 * np.pi / (BALLS * SHARE * 900.0)
+    how = {"steps_per_revolution": 512, "solver": PLAIN, "count": 4}
+    found = jr.lyapunov(scene, BOTTOM, 400, settle=1200, **how)
+    wanted = np.sort(np.repeat(np.log(np.abs(multipliers)) / period, 2))[::-1]
+    assert found.period == pytest.approx(period, rel=1e-14)
+    np.testing.assert_allclose(found.exponents, wanted, rtol=2e-3)
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize(("steps", "error", "slopes"), [(4096, 7e-9, 1e-5), (65536, 6e-10, 1e-7)])
 def test_digits_of_orbits(steps, error, slopes):
     """With steps enough starts have all digits that are printed, and multipliers seven."""
