@@ -85,7 +85,9 @@ from .core.pilot import Pilot as Pilot
 from .core.plausibility import ImplausibleWarning as ImplausibleWarning
 from .core.program_cache import keep_programs as keep_programs
 from .design import (
+    Diagnosis as Diagnosis,
     Estimate as Estimate,
+    Explanation as Explanation,
     Fitted as Fitted,
     History as History,
     OrbitRecord as OrbitRecord,
@@ -95,6 +97,8 @@ from .design import (
     TimeRecord as TimeRecord,
     Tuned as Tuned,
     Uncertainty as Uncertainty,
+    diagnose as diagnose,
+    diagnose_each as diagnose_each,
     draws as draws,
     exceedance as exceedance,
     expectation as expectation,

@@ -1,6 +1,7 @@
 """Design: parameters of a scene by gradients of what it does."""
 
 from . import objectives as objectives
+from .diagnosis import Diagnosis as Diagnosis, diagnose as diagnose, diagnose_each as diagnose_each
 from .estimates import (
     Estimate as Estimate,
     Smoothed as Smoothed,
@@ -8,6 +9,7 @@ from .estimates import (
     expectation as expectation,
     probability as probability,
 )
+from .explanation import Explanation as Explanation
 from .fit import Fitted as Fitted, fit as fit
 from .records import TimeRecord as TimeRecord
 from .steady_records import (

@@ -38,6 +38,10 @@ class Bounds(eqx.Module):
         raw = self.origin + self.span * jnp.where(self.free, u, jax.nn.sigmoid(u))
         return jnp.where(self.logarithmic, jnp.exp(jnp.where(self.logarithmic, raw, 0.0)), raw)
 
+    def rates(self, u: Float[Array, " n"]) -> Float[Array, " n"]:
+        """Derivatives of the parameters by the free numbers."""
+        return jax.jvp(self.values, (u,), (jnp.ones_like(u),))[1]
+
     @property
     def ends(self) -> dict[str, tuple[float, float]]:
         """Lower and upper bound by path, infinite where there are none."""

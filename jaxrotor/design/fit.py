@@ -224,7 +224,7 @@ def fit(
     limits = bounds(scene, parameters, "parameters")
     scene = with_shared_nodes(scene, parameters)
     every = tuple(record.prepared(scene) for record in every)
-    _check_counts(every, len(limits.paths))
+    check_enough(every, len(limits.paths))
     own = limits.numbers([own_value(scene, path) for path in parameters])
     first = jnp.asarray(np.concatenate([own[None], limits.drawn(starts - 1, seed)]))
     with waiting(progress, "fit"):
@@ -286,7 +286,7 @@ def concluded(
         values=values,
         noise=np.asarray(found.noise),
         uncertainty=known,
-        residuals=tuple(map(_as_measured, tables, records)),
+        residuals=tuple(map(as_measured, tables, records)),
         residual_correlations=correlated,
         z_scores=scores,
         records=records,
@@ -312,14 +312,15 @@ def _degrees_of_freedom(slopes: np.ndarray, counts: list[int]) -> tuple[np.ndarr
     return 1 / np.sum(shares**2 / left, axis=1), left
 
 
-def _as_measured(table: np.ndarray, record: AbstractRecord) -> Array:
+def as_measured(table: np.ndarray, record: AbstractRecord) -> Array:
     """Residuals (T, d) as complex numbers where the record has such."""
     channels = record.measured.shape[1]
     whole = table if table.shape[1] == channels else table[:, :channels] + 1j * table[:, channels:]
     return jnp.asarray(whole)
 
 
-def _check_counts(records: tuple[AbstractRecord, ...], parameters: int) -> None:
+def check_enough(records: tuple[AbstractRecord, ...], parameters: int) -> None:
+    """Raise where a record has no more numbers than there are parameters."""
     for i, record in enumerate(records):
         if record.count <= parameters:
             raise ValueError(

@@ -24,6 +24,7 @@ FIRST_DAMPING = 1e-3  # of Levenberg and Marquardt, over the squares of the scal
 MOST_DAMPING = 1e8  # at which a search ends
 LONGEST = 2.0  # change of a free number in a step
 MOST_STEPS = 2**31 - 1  # that a program can count
+SMALL = 1e-2  # free number below which a logarithm of a hyperbolic cosine is its series
 PASSES = 4  # in which the noises of several records are found, as each changes the weights of all
 
 
@@ -72,11 +73,15 @@ def minima(
     records, and all numbers of a support or an external damping that has a parameter, since they decide
     together whether it is isotropic. A program stays for as long as the process runs.
     """
-    paths = limits.paths
+    known = fixed(scene, records, limits.paths)
+    return _minima(*known, limits, starts, jnp.asarray(min(steps, MOST_STEPS)))
+
+
+def fixed(scene: Scene, records: tuple[AbstractRecord, ...], paths: tuple[str, ...]) -> Any:
+    """Scene and records with those numbers as constants that decide the structure of a program."""
     blank = scene.put(dict.fromkeys(paths, jnp.zeros(())))  # the first guess decides nothing
-    fixed = with_constants(blank, _deciding(blank, paths))
     known = tuple(with_constants(record, record.deciding) for record in records)
-    return _minima(fixed, known, limits, starts, jnp.asarray(min(steps, MOST_STEPS)))
+    return with_constants(blank, _deciding(blank, paths)), known
 
 
 def _deciding(scene: Scene, paths: tuple[str, ...]) -> list[Any]:
@@ -108,22 +113,32 @@ def minimum(
     limits: Bounds,
     u: Float[Array, " n"],
     steps: int | Array,
+    noise: Float[Array, " r"] | None = None,
 ) -> Minimum:
     """`(J^T W J + lambda D) d = -J^T W r`, `D` the diagonal of the first, with weights of the noise found.
 
-    It is traced, so that starts and records may be mapped over.
+    With a `noise`, known or NaN where residuals show it, it is the mode of the posterior density of `u`
+    for a prior that is uniform in `s(u)`. It is traced, so that starts and records may
+    be mapped over.
     """
-    owner = np.repeat(np.arange(len(records)), [record.count for record in records])
-    floors = ROUNDING * jnp.stack([record.scale for record in records])
+    counts = [record.count for record in records]
+    floors = [ROUNDING * record.scale for record in records]
+    given = jnp.full(len(records), jnp.nan)
+    if noise is not None:  # the prior is a record more, of one number a parameter and noise 1
+        counts, floors = [*counts, u.size], [*floors, jnp.zeros(())]
+        given = jnp.append(noise, 1.0)
+    owner, floors = np.repeat(np.arange(len(counts)), counts), jnp.stack(floors)
 
     def every(u):
         scenes = own_scenes(records, limits.placed(scene, u))
         pairs = zip(records, scenes, strict=True)
-        return jnp.concatenate([jnp.ravel(record.residuals(own)) for record, own in pairs])
+        parts = [jnp.ravel(record.residuals(own)) for record, own in pairs]
+        return jnp.concatenate(parts if noise is None else [*parts, prior_residuals(u)])
 
     evaluate = evaluator(every, reverse=False)
-    totals = lambda x: jax.ops.segment_sum(x, owner, len(records))
-    counts = totals(jnp.ones(owner.size))
+    totals = lambda x: jax.ops.segment_sum(x, owner, len(floors))
+    known_or = lambda found: jnp.where(jnp.isnan(given), found, given)
+    counts = jnp.asarray(counts, float)
 
     def split(left, slopes, noise):
         """The singular values of the weighted slopes by scaled parameters, and the residuals by them."""
@@ -137,7 +152,7 @@ def minimum(
         """The point with the noise there."""
         for _ in range(PASSES if len(records) > 1 else 1):
             used = totals(jnp.sum(split(left, slopes, noise).basis ** 2, axis=1))
-            noise = jnp.sqrt(totals(left**2) / (counts - used) + floors**2)
+            noise = known_or(jnp.sqrt(totals(left**2) / (counts - used) + floors**2))
         parts = split(left, slopes, noise)
         return _Point(at, left, slopes, noise, linalg.norm(parts.components))
 
@@ -150,7 +165,7 @@ def minimum(
         at = jnp.where(number > 0, best.at + move, best.at)
         left, slopes = evaluate(at)
         first = jnp.sqrt(totals(left**2) / counts + floors**2)
-        noise = jnp.where(number > 0, best.noise, first)
+        noise = jnp.where(number > 0, best.noise, known_or(first))
         total = lambda left: jnp.sum((left / noise[owner]) ** 2)
         lower = (total(left) < total(best.left)) & jnp.all(jnp.isfinite(slopes))
         trial = weighed(at, left, slopes, noise)
@@ -158,12 +173,21 @@ def minimum(
         return best, jnp.where(lower, damping / 10, damping * 10), number + 1
 
     going = lambda s: (s[0].remaining > SETTLED) & (s[1] < MOST_DAMPING) & (s[2] <= steps)
-    zero, noise = jnp.zeros((owner.size, u.size)), jnp.full(len(records), jnp.inf)
-    begin = _Point(u, jnp.full(owner.size, jnp.inf), zero, noise, jnp.asarray(jnp.inf))
+    zero, none = jnp.zeros((owner.size, u.size)), jnp.full(len(floors), jnp.inf)
+    begin = _Point(u, jnp.full(owner.size, jnp.inf), zero, none, jnp.asarray(jnp.inf))
     best, damping, number = jax.lax.while_loop(
         going, body, (begin, jnp.asarray(FIRST_DAMPING), jnp.asarray(0))
     )
-    rates = jax.jvp(limits.values, (best.at,), (jnp.ones_like(best.at),))[1]
     ended = (best.remaining <= SETTLED) | (damping >= MOST_DAMPING)
-    slopes = best.slopes / rates
-    return Minimum(best.at, best.left, slopes, best.noise, best.remaining, number, ended)
+    own = sum(record.count for record in records)
+    slopes = best.slopes[:own] / limits.rates(best.at)
+    found = best.left[:own], slopes, best.noise[: len(records)]
+    return Minimum(best.at, *found, best.remaining, number, ended)
+
+
+def prior_residuals(u: Array) -> Array:
+    """`2 sgn(u) sqrt(log cosh(u / 2))`, half the square of which is `-log(4 s (1 - s))`."""
+    small = jnp.abs(u) < SMALL
+    half = jnp.where(small, 1.0, jnp.abs(u) / 2)
+    root = jnp.sqrt(half + jnp.log1p(jnp.exp(-2 * half)) - jnp.log(2.0))
+    return jnp.where(small, u / jnp.sqrt(2.0) * (1 - u**2 / 48), 2 * jnp.sign(u) * root)

@@ -40,7 +40,7 @@ from .records import (
 
 
 SETTLING = 100  # revolutions before the first search of an orbit
-STEPS = 256  # of contact in a revolution, at least
+STEPS = 256  # in a revolution, by default
 
 
 class AbstractSteadyRecord(AbstractRecord):
@@ -50,6 +50,7 @@ class AbstractSteadyRecord(AbstractRecord):
     at: eqx.AbstractVar[Any]
     guess: eqx.AbstractVar[Any]  # of the orbit of a scene with contact
     solver: eqx.AbstractVar[Any]
+    steps_per_revolution: eqx.AbstractVar[int]
 
     @property
     @abc.abstractmethod
@@ -119,12 +120,12 @@ class AbstractSteadyRecord(AbstractRecord):
         if guess is None:
             with pilot_run():
                 guess = simulate(scene, SETTLING, STEPS, keep=1, at=self.at, progress=False)
-        return self._found(scene, guess).start
+        return self._found(scene, guess, steps_per_revolution=self.steps_per_revolution).start
 
     def _orbit(self, scene: Scene) -> tuple[PeriodicOrbit, int]:
         """The orbit of a scene with contact, converged or not, and its steps from sample to sample."""
         each = self.samples // self.revolutions
-        step = -(-STEPS // each)
+        step = -(-self.steps_per_revolution // each)
         steps = {"steps_per_revolution": each * step, "throw": False}
         return self._found(scene, self.guess, **steps), step
 
@@ -154,6 +155,7 @@ class OrbitRecord(AbstractSteadyRecord):
         guess: of the orbit of a scene with contact, as in `periodic`; by default the end of 100
             revolutions.
         solver: as in `periodic`.
+        steps_per_revolution: of contact, at least.
     """
 
     kind: ClassVar[str] = "plane"
@@ -167,10 +169,11 @@ class OrbitRecord(AbstractSteadyRecord):
     angle: Float[Array, " c"] | None = eqx.field(default=None, converter=angles)
     guess: Any = None
     solver: Any = None
+    steps_per_revolution: int = eqx.field(default=STEPS, static=True)  # of contact, at least
 
     def __check_init__(self):
         check_directions(self.displacement, self.angle)
-        check_counts(revolutions=self.revolutions)
+        check_counts(revolutions=self.revolutions, steps_per_revolution=self.steps_per_revolution)
         if len(self.displacement) % self.revolutions:
             raise ValueError(
                 f"An orbit of {self.revolutions} revolutions must have a whole number of samples in "
@@ -208,6 +211,7 @@ class SpectrumRecord(AbstractSteadyRecord):
         guess: of the orbit of a scene with contact, as in `periodic`; by default the end of 100
             revolutions.
         solver: as in `periodic`.
+        steps_per_revolution: of contact, at least.
     """
 
     kind: ClassVar[str] = "amplitude"
@@ -220,9 +224,10 @@ class SpectrumRecord(AbstractSteadyRecord):
     at: Any = None
     guess: Any = None
     solver: Any = None
+    steps_per_revolution: int = eqx.field(default=STEPS, static=True)  # in all
 
     def __check_init__(self):
-        check_counts(revolutions=self.revolutions)
+        check_counts(revolutions=self.revolutions, steps_per_revolution=self.steps_per_revolution)
         check_samples(self.amplitude, self.orders, "orders")
         check_amplitudes(self.amplitude)
         if known(self.orders) and np.max(np.abs(self.orders)) >= STEPS / 2:

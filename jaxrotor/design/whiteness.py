@@ -58,7 +58,7 @@ def correlations(
 
 def _in_time(rows: np.ndarray, channels: int) -> np.ndarray:
     """Half the sum of the neighbours of every number in time, (T c,) or (T c, k)."""
-    table = rows.reshape(-1, channels, *rows.shape[1:])
+    table = rows.reshape(len(rows) // channels, channels, *rows.shape[1:])
     out = np.zeros_like(table)
     out[1:] += table[:-1] / 2
     out[:-1] += table[1:] / 2
@@ -67,5 +67,5 @@ def _in_time(rows: np.ndarray, channels: int) -> np.ndarray:
 
 def _in_channels(rows: np.ndarray, channels: int) -> np.ndarray:
     """Half the sum of the other channels at the time of every number, (T c,) or (T c, k)."""
-    table = rows.reshape(-1, channels, *rows.shape[1:])
+    table = rows.reshape(len(rows) // channels, channels, *rows.shape[1:])
     return ((table.sum(axis=1, keepdims=True) - table) / 2).reshape(rows.shape)

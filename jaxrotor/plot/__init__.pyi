@@ -7,6 +7,7 @@ from .branches import annular_rub as annular_rub, branch as branch, curves as cu
 from .campbell import campbell as campbell
 from .clickable import write_page as write_page
 from .designs import fitted as fitted, tuning as tuning
+from .diagnosis import diagnosis as diagnosis
 from .explore import Explorer as Explorer, explore as explore
 from .histories import (
     history as history,
