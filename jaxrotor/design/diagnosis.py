@@ -4,11 +4,13 @@ from collections.abc import Mapping
 from typing import Any
 
 import equinox as eqx
+import jax.numpy as jnp
 import numpy as np
 from scipy.special import softmax
 
 from ..core.checks import check_counts
 from ..core.progress import waiting
+from ..core.quantities import Scalar
 from ..core.tables import notebook_table
 from ..effects.base import AbstractEffect
 from ..scene import Scene
@@ -26,7 +28,7 @@ class Diagnosis(eqx.Module):
 
     probabilities: Mapping[str, float]  # of candidates that are equally likely before
     explanations: Mapping[str, Explanation]  # by each
-    level: float  # of the p of residuals, below which the cause is none of these
+    level: Scalar  # of the p of residuals, below which the cause is none of these
     scene: Scene  # to which candidates add
     failures: Mapping[str, str]  # reasons why candidates could not be fitted
 
@@ -39,27 +41,26 @@ class Diagnosis(eqx.Module):
     def cause(self) -> str | None:
         """The most probable candidate; None where its residuals say that it is none of these."""
         name = self.most_probable
-        return name if self.explanations[name].p_value >= self.level else None
+        return name if float(self.explanations[name].p_value) >= float(self.level) else None
 
     @property
     def _sentences(self) -> tuple[str, ...]:
         name = self.most_probable
         one, share = self.explanations[name], f"{name}, probability {self.probabilities[name]:.4g}"
-        said = f"Most probable: {share}; it leaves nothing but noise (p = {one.p_value:.2g})."
+        p = f"p = {float(one.p_value):.2g}"
+        said = f"Most probable: {share}; it leaves nothing but noise ({p})."
         if self.cause is None:
             said = (
                 f"None of these explains the record: what the most probable of them leaves ({share}) is "
-                f"{one.unusual} (p = {one.p_value:.2g})."
+                f"{one.unusual} ({p})."
             )
         return said, *(f"{name} could not be fitted: {why}" for name, why in self.failures.items())
 
     @property
-    def _rows(self) -> list[tuple[str, float, float, float, float]]:
-        every = sorted(self.explanations.items(), key=lambda pair: -pair[1].log_evidence)
-        return [
-            (name, self.probabilities[name], one.log_evidence, one.criterion, one.p_value)
-            for name, one in every
-        ]
+    def _rows(self) -> list[tuple[Any, ...]]:
+        every = sorted(self.explanations.items(), key=lambda pair: -float(pair[1].log_evidence))
+        numbers = lambda one: map(float, (one.log_evidence, one.criterion, one.p_value))
+        return [(name, self.probabilities[name], *numbers(one)) for name, one in every]
 
     def _repr_html_(self) -> str:
         heads = ("candidate", "probability", "log evidence (Laplace)", "BIC", "p of residuals")
@@ -198,9 +199,9 @@ def _diagnosis(
     if not fitted:
         said = "; ".join(f"{name}: {why}" for name, why in failed.items())
         raise ValueError(f"No candidate can be fitted ({said}); give other bounds or more `draws`.")
-    shares = softmax([one.log_evidence for one in fitted.values()])
+    shares = softmax([float(one.log_evidence) for one in fitted.values()])
     probabilities = dict(zip(fitted, map(float, shares), strict=True))
-    return Diagnosis(probabilities, fitted, level, scene, failed)
+    return Diagnosis(probabilities, fitted, jnp.asarray(level), scene, failed)
 
 
 # === arguments

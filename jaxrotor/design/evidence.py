@@ -73,8 +73,17 @@ def posterior(
     size = squares * (noise / most) ** 2
     best = -np.sum(np.asarray(counts) * np.log(2 * np.pi * most**2) + size) / 2
     criterion = -2 * best + (u.size + np.sum(estimated)) * np.log(residuals.size)
-    numbers = map(float, (best, evidence, criterion))
-    return Posterior(u, hessian, *numbers, noise, residuals, weighted, float(np.sum(left)))
+    return Posterior(
+        u=u,
+        hessian=hessian,
+        log_likelihood=float(best),
+        log_evidence=float(evidence),
+        criterion=float(criterion),
+        noise=noise,
+        residuals=residuals,
+        slopes=weighted,
+        freedom=float(np.sum(left)),
+    )
 
 
 def total_evidence(modes: list[Posterior]) -> float:

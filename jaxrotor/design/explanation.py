@@ -12,6 +12,7 @@ from jaxtyping import Array, Float
 
 from ..core.compiled import compiled, compiled_quickly
 from ..core.constants import with_arrays
+from ..core.quantities import Scalar
 from ..effects import AbstractContact
 from ..scene import Scene, with_shared_nodes
 from .bounds import Bounds, bounds, own_value
@@ -21,7 +22,7 @@ from .minimum import Minimum, fixed, minimum
 from .records import AbstractRecord, with_starts, without_starts
 
 
-TOGETHER = 64  # searches at once
+TOGETHER = 256  # searches at once
 ONE_BY_ONE = 4  # likewise of motions with located steps, which take longer together
 OPTIMISED = 8  # conditions from which on a program is worth optimising
 
@@ -38,12 +39,12 @@ class Explanation(eqx.Module):
     records: tuple[AbstractRecord, ...]  # to which it was fitted
     residuals: tuple[Array, ...]  # prediction less measurement [m], each as its record
     noise: Float[np.ndarray, " r"]  # standard deviation of the numbers of every record [m]
-    log_evidence: float  # by Laplace's approximation
-    log_likelihood: float  # greatest
-    criterion: float  # Schwarz's, `k log m - 2 log L`
-    p_value: float  # probability of residuals as unusual as these by noise alone
+    log_evidence: Scalar  # by Laplace's approximation
+    log_likelihood: Scalar  # greatest
+    criterion: Scalar  # Schwarz's, `k log m - 2 log L`
+    p_value: Scalar  # probability of residuals as unusual as these by noise alone
     unusual: str = eqx.field(static=True)  # what is most unusual in them
-    remaining_step: float  # that would come next, in standard deviations
+    remaining_step: Scalar  # that would come next, in standard deviations
 
 
 class _Lanes(NamedTuple):
@@ -55,7 +56,7 @@ class _Lanes(NamedTuple):
 
 
 class Search(NamedTuple):
-    """What the searches of one candidate share: its scene, its records, and points to begin at."""
+    """Scene, records and points to begin at of one candidate, for its searches."""
 
     scene: Scene
     records: tuple[AbstractRecord, ...]
@@ -73,7 +74,8 @@ class Search(NamedTuple):
         flat = np.stack([np.concatenate([_flat(r.measured) for r in own]) for own in every])
         counts = [record.count for record in self.records]
         points = np.arange(len(self.points))
-        begun = self._minima(numbers, 0 * points, points, noise, 0, quickly)
+        most = starts * len(every)
+        begun = self._minima(numbers, 0 * points, points, noise, 0, quickly, most)
         lanes = []
         for i, row in enumerate(flat):
             merit = _misfits(begun.residuals + flat[0] - row, noise, counts)
@@ -81,8 +83,8 @@ class Search(NamedTuple):
         owner, points = np.array(lanes, int).reshape(-1, 2).T
         if not lanes:
             return [None] * len(every)
-        found = self._minima(numbers, owner, points, noise, steps, quickly)
-        each = [Minimum(*(part[j] for part in found)) for j in range(len(lanes))]
+        found = self._minima(numbers, owner, points, noise, steps, quickly, most)
+        each = [jax.tree.map(lambda part, j=j: part[j], found) for j in range(len(lanes))]
         return [
             self._best([each[j] for j in np.flatnonzero(owner == i)], own, noise)
             for i, own in enumerate(every)
@@ -96,23 +98,24 @@ class Search(NamedTuple):
         noise: np.ndarray,
         steps: int,
         quickly: bool,
+        most: int,
     ) -> Minimum:
-        """Minima of the numbers of `conditions`, sought from `points`, some at a time."""
+        """Minima of the numbers of `conditions`, sought from `points`, as many at a time as of `most`."""
         count, program = len(conditions), _minima_quickly if quickly else _minima
-        size = ONE_BY_ONE if self.located else min(TOGETHER, max(len(self.points), count))
+        size = ONE_BY_ONE if self.located else min(TOGETHER, max(len(self.points), most))
         known = fixed(self.scene, self.records, self.limits.paths)
         settings = jnp.asarray(noise), jnp.asarray(steps), self.located
-        parts = []
+        parts: list[Any] = []
         for begin in range(0, count, size):
             some = np.minimum(np.arange(begin, begin + size), count - 1)
             measured = [jnp.asarray(one[conditions[some]]) for one in numbers]
             guesses = jax.tree.map(lambda leaf, k=points[some]: leaf[k], self.guesses)
             lanes = _Lanes(measured, guesses, jnp.asarray(self.points[points[some]]))
             parts.append(jax.device_get(program(*known, self.limits, lanes, *settings)))
-        return Minimum(*(np.concatenate(part)[:count] for part in zip(*parts, strict=True)))
+        return jax.tree.map(lambda *part: np.concatenate(part)[:count], *parts)
 
     def _best(
-        self, found: list[Minimum], records: tuple[AbstractRecord, ...], noise: np.ndarray
+        self, found: list[Any], records: tuple[AbstractRecord, ...], noise: np.ndarray
     ) -> Explanation | None:
         """The explanation of one condition by its minima."""
         counts, unknown = [record.count for record in records], np.isnan(noise)
@@ -139,12 +142,12 @@ class Search(NamedTuple):
             records=records,
             residuals=tuple(map(as_measured, tables, records)),
             noise=best.noise,
-            log_evidence=total_evidence([mode for mode, _ in modes]),
-            log_likelihood=best.log_likelihood,
-            criterion=best.criterion,
-            p_value=p,
+            log_evidence=jnp.asarray(total_evidence([mode for mode, _ in modes])),
+            log_likelihood=jnp.asarray(best.log_likelihood),
+            criterion=jnp.asarray(best.criterion),
+            p_value=jnp.asarray(p),
             unusual=unusual,
-            remaining_step=float(remaining),
+            remaining_step=jnp.asarray(remaining),
         )
 
 
@@ -235,8 +238,8 @@ def _minima_quickly(*arguments: Any) -> Minimum:
 def _flat(measured: Any) -> np.ndarray:
     """The real numbers of a record in the order of its residuals."""
     table = np.asarray(measured)
-    whole = np.concatenate([table.real, table.imag], axis=1) if np.iscomplexobj(table) else table
-    return whole.ravel()
+    two = [np.real(table), np.imag(table)] if np.iscomplexobj(table) else [table]
+    return np.concatenate(two, axis=1).ravel()
 
 
 def _misfits(

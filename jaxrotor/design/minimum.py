@@ -20,6 +20,9 @@ from .target import evaluator
 
 ROUNDING = 1e-10  # of a record: smaller noise cannot be distinguished from rounding
 SETTLED = 1e-5  # step of all parameters in their standard deviations at which a search ends
+NEAR = (
+    1e-2  # likewise of the mode of a density, whose logarithm is then within half the square of it
+)
 FIRST_DAMPING = 1e-3  # of Levenberg and Marquardt, over the squares of the scaled slopes
 MOST_DAMPING = 1e8  # at which a search ends
 LONGEST = 2.0  # change of a free number in a step
@@ -172,13 +175,14 @@ def minimum(
         best = jax.tree.map(lambda new, old: jnp.where(lower, new, old), trial, best)
         return best, jnp.where(lower, damping / 10, damping * 10), number + 1
 
-    going = lambda s: (s[0].remaining > SETTLED) & (s[1] < MOST_DAMPING) & (s[2] <= steps)
+    settled = SETTLED if noise is None else NEAR
+    going = lambda s: (s[0].remaining > settled) & (s[1] < MOST_DAMPING) & (s[2] <= steps)
     zero, none = jnp.zeros((owner.size, u.size)), jnp.full(len(floors), jnp.inf)
     begin = _Point(u, jnp.full(owner.size, jnp.inf), zero, none, jnp.asarray(jnp.inf))
     best, damping, number = jax.lax.while_loop(
         going, body, (begin, jnp.asarray(FIRST_DAMPING), jnp.asarray(0))
     )
-    ended = (best.remaining <= SETTLED) | (damping >= MOST_DAMPING)
+    ended = (best.remaining <= settled) | (damping >= MOST_DAMPING)
     own = sum(record.count for record in records)
     slopes = best.slopes[:own] / limits.rates(best.at)
     found = best.left[:own], slopes, best.noise[: len(records)]

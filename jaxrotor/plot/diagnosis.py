@@ -78,6 +78,7 @@ def _record(
     if plane:
         ax.plot(seen.real, seen.imag, ".", **dots)
         ax.set_aspect("equal", "datalim")
+        ax.locator_params(axis="x", nbins=5)
         page.finish(ax, f"x displacement [{unit}]", f"y displacement [{unit}]", columns=2)
     else:
         ax.plot(across, part(seen), ".", **dots)
