@@ -14,9 +14,11 @@ noise leaves); the share of right answers by the probability that was predicted;
 """
 
 import argparse
+import itertools
 import time
 
 import numpy as np
+from scipy.special import softmax
 
 import jaxrotor as jr
 
@@ -27,6 +29,7 @@ DAMPING = 2 * 0.05 * np.sqrt(K * M)
 SHARE = 0.05  # of the vibration is noise, in x and in y
 CARRIED = 40.0  # sum of squares over the variance of the noise
 SETTLE, FINE, SAMPLES = 200, 256, 64  # revolutions, steps in each of the truth, samples in each
+LEVEL = 1e-3  # of the test of residuals
 PERIODIC = 1e-3  # change over the size of the vibration from a revolution to the next
 
 MACHINE = jr.Scene(
@@ -38,7 +41,7 @@ MACHINE = jr.Scene(
     jr.Unbalance(0.5, M, 1e-4),
     spin=jr.ConstantSpeed(0.6 * NATURAL),
 )
-UNBALANCE = {"unbalance.eccentricity": (2e-5, 3e-4), "unbalance.phase": (-np.pi, np.pi)}
+UNBALANCE = {"unbalance.eccentricity": (2e-5, 3e-4), "unbalance.phase": (-2.5, 2.5)}
 RUB = jr.Limiter(
     0.5,
     -0.5,
@@ -61,10 +64,10 @@ RING = jr.AnnularStator(0.5, 1e-4, K / 2, blend=1e-5, slip=0.01)  # one of two b
 PEDESTAL = jr.LoosePedestal("pedestal", 5.0, 1e7, 2e3, 1e6, 2e3, 1e-4)
 CANDIDATES = {
     "unbalance": (None, {}),
-    "rub": (RUB, {"limiter.gap": (5e-5, 2e-4), "limiter.stiffness": (1e5, 1e7)}),
+    "rub": (RUB, {"limiter.gap": (2e-5, 1.2e-4), "limiter.stiffness": (1e5, 1e7)}),
     "crack": (
         jr.Crack(0.5, 1e5, 1e4),
-        {"crack.loss": (1e4, 4e5), "crack.angle": (-np.pi, np.pi)},
+        {"crack.loss": (1e4, 4e5), "crack.angle": (-2.5, 2.5)},
     ),
     "loose pedestal": (
         in_place_of_support(PEDESTAL, jr.Support(0.5, K, on="pedestal")),
@@ -130,7 +133,6 @@ def main():
     parser.add_argument("--records", type=int, default=200, help="of each kind")
     parser.add_argument("--draws", type=int, default=32)
     parser.add_argument("--starts", type=int, default=1)
-    parser.add_argument("--known", action="store_true", help="the noise is known")
     options = parser.parse_args()
     rng, begin = np.random.default_rng(0), time.perf_counter()
     names, records, sizes, causes = list(CANDIDATES), [], [], []
@@ -153,28 +155,71 @@ def main():
         draws=options.draws,
         starts=options.starts,
         steps=30,
+        level=LEVEL,
         progress=False,
     )
-    print(f"diagnosed in {time.perf_counter() - begin:.0f} s\n")
-    np.savez(
-        "/work/tmp-diagnose/found.npz",
-        sizes=sizes,
-        causes=causes,
-        ev=[
-            [d.explanations[n].log_evidence if n in d.explanations else -np.inf for n in names]
-            for d in found
-        ],
-        p=[[d.explanations[n].p_value if n in d.explanations else 0 for n in names] for d in found],
-        rem=[
-            [d.explanations[n].remaining_step if n in d.explanations else 0 for n in names]
-            for d in found
-        ],
-        bic=[
-            [d.explanations[n].criterion if n in d.explanations else np.inf for n in names]
-            for d in found
-        ],
-        z=records,
+    print(f"diagnosed in {time.perf_counter() - begin:.0f} s of wall time")
+    show(names, np.array(causes), np.array(sizes), found)
+
+
+def show(names, causes, sizes, found):
+    """Print the tables."""
+    true = np.array([names.index(cause) for cause in causes])
+    evidence = np.array(
+        [
+            [
+                float(one.explanations[n].log_evidence) if n in one.explanations else -np.inf
+                for n in names
+            ]
+            for one in found
+        ]
     )
+    tests = np.array(
+        [
+            [float(one.explanations[n].p_value) if n in one.explanations else 0.0 for n in names]
+            for one in found
+        ]
+    )
+    rows = np.arange(len(true))
+    carries = (sizes > CARRIED) | (true == 0)
+    best = evidence.argmax(axis=1)
+    accepted = tests[rows, best] >= LEVEL
+    for what, chosen in (
+        ("all records", true >= 0),
+        ("where the signal carries the answer", carries),
+    ):
+        confusion(names, what, true[chosen], np.where(accepted, best, len(names))[chosen])
+    reliability(np.max(softmax(evidence, axis=1), axis=1), best == true)
+    others = np.where(np.arange(len(names)) == true[:, None], -np.inf, evidence)
+    second = others.argmax(axis=1)
+    faults = carries & (true > 0)
+    for what, chosen in (("with the cause among the candidates", best), ("without it", second)):
+        share = np.mean(tests[rows, chosen][faults] < LEVEL)
+        print(f"none of these, faults that the signal carries, {what}: {100 * share:.1f} %")
+
+
+def confusion(names, what, true, said):
+    print(f"\n{what}: cause and diagnosis")
+    print(" " * 16, *(f"{name:>15}" for name in [*names, "none of these"]), f"{'right':>8}")
+    for i, name in enumerate(names):
+        counts = np.bincount(said[true == i], minlength=len(names) + 1)
+        share = 100 * counts[i] / max(counts.sum(), 1)
+        print(f"{name:16}", *(f"{count:15d}" for count in counts), f"{share:6.1f} %")
+    print(f"right in all: {100 * np.mean(said == true):.1f} % of {len(true)}")
+
+
+def reliability(probability, right):
+    """Share of right answers by the probability of the best, with the bounds of a binomial count."""
+    print("\nprobability of the best     mean   right      95 % bounds   records")
+    for low, high in itertools.pairwise((0.0, 0.5, 0.7, 0.9, 0.99, 1.0 + 1e-9)):
+        inside = (probability >= low) & (probability < high)
+        if inside.any():
+            share = jr.probability(right[inside])
+            print(
+                f"{low:.2f} to {min(high, 1.0):.2f} {probability[inside].mean():19.3f} {share.value:7.3f}"
+                f"   {share.low:.3f} to {share.high:.3f} {inside.sum():9d}"
+            )
+    print()
 
 
 if __name__ == "__main__":

@@ -139,6 +139,21 @@ FOUND = {
         "whip at 3": (0.96231767, 5e-3),
         "eccentricity at 3": (0.817388, 1e-2),
     },
+    "08_faults_and_bearings": {
+        "crack, peak of 2X at": (0.4742909779, 1e-5),
+        "crack, 2X": (4.7692484357, 1e-5),
+        "crack, peak of 3X at": (0.3167002905, 1e-5),
+        "crack, 3X": (2.3865942022, 1e-5),
+        "pedestal, height at 600 [um]": (-58.103207803, 0.05),
+        "pedestal, height at 700 [um]": (-71.140084213, 0.05),
+        "balls, order of passage": (8 * 40.1 / (40.1 + 63.9), 1e-9),
+        "seal, threshold": (1014.4092665841, 1e-3),
+        "seal, whirl there": (311.0855084191, 1e-3),
+        "seal, order of whirl at 1115.85": (313.2728839487 / 1115.850193, 0.01),
+        "rub, 2X over 1X": (0.118096226, 1e-3),  # DOP853, sharp onset of the force
+        "diagnosis, probability of the rub": (1.0, 1e-6),
+        "diagnosis, gap off by deviations": (0.0, 3.0),
+    },
 }
 
 
