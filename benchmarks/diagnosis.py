@@ -5,12 +5,13 @@ drawn from their bounds, the motion is simulated for 200 revolutions, and the ne
 samples with noise of 5 % of the root mean square of the vibration, in x and in y. Each
 candidate is then fitted to each record.
 
-    python benchmarks/diagnosis.py --records 200
+    python benchmarks/diagnosis.py               # a quarter of an hour on one core
+    python benchmarks/diagnosis.py --records 3   # still compiles for minutes
 
-prints: records by cause and diagnosis, of all and of those whose signal carries the answer (what the
-best fit of unbalance alone would leave of the record without noise is more than `CARRIED` times what
-noise leaves); the share of right answers by the probability that was predicted; and how often it says
-"none of these" with and without the true cause among the candidates.
+prints causes and diagnoses, of all records and of those whose signal carries the answer (the sum of
+squares that unbalance alone, its sag and a forward whirl of 1X, leaves of the record without noise is
+more than `CARRIED` variances of the noise); the share of right answers by the probability of the best;
+and how often it says "none of these" with and without the true cause among the candidates.
 """
 
 import argparse
@@ -131,8 +132,8 @@ def carried(z, sigma):
 def main():
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--records", type=int, default=200, help="of each kind")
-    parser.add_argument("--draws", type=int, default=32)
-    parser.add_argument("--starts", type=int, default=1)
+    parser.add_argument("--draws", type=int, default=64)
+    parser.add_argument("--starts", type=int, default=3)
     options = parser.parse_args()
     rng, begin = np.random.default_rng(0), time.perf_counter()
     names, records, sizes, causes = list(CANDIDATES), [], [], []

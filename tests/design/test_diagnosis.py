@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from scipy import stats
-from scipy.integrate import quad
+from scipy.integrate import quad, solve_ivp
 from shown import shown
 
 import jaxrotor as jr
@@ -186,3 +186,50 @@ def test_conditions_are_alike():
         jr.diagnose_each([one, other], ROTOR, CANDIDATES, ECCENTRICITY, progress=False)
     with pytest.raises(ValueError, match="`conditions` must be a list"):
         jr.diagnose_each(one, ROTOR, CANDIDATES, ECCENTRICITY, progress=False)
+
+
+# === orbits
+
+
+LOSS, ANGLE, SPEED = 1.5e5, 0.7, 0.6 * np.sqrt(K / M)
+
+
+def cracked_orbit(loss):
+    """A revolution of 32 samples of a shaft with a crack after Mayes under its weight, by DOP853."""
+
+    def rates(t, state):
+        z, velocity = state[0] + 1j * state[1], state[2] + 1j * state[3]
+        theta = SPEED * t
+        turned = z * np.exp(-1j * (theta + ANGLE))
+        opened = (1 - np.sin(theta + ANGLE)) / 2 * loss * turned.real
+        force = opened * np.exp(1j * (theta + ANGLE)) - K * z - C * velocity
+        total = (force + M * E * SPEED**2 * np.exp(1j * theta)) / M - 9.81j
+        return velocity.real, velocity.imag, total.real, total.imag
+
+    times = 2 * np.pi / SPEED * (60 + np.arange(32) / 32)
+    run = solve_ivp(rates, (0.0, times[-1]), np.zeros(4), "DOP853", times, rtol=1e-9, atol=1e-13)
+    return run.y[0] + 1j * run.y[1]
+
+
+@pytest.mark.slow
+def test_a_crack_is_told_from_unbalance_if_it_is_deep_enough():
+    """Records of SciPy with 5 % of noise: a deep crack, one of which the record tells nothing, none."""
+    machine = ROTOR.of_parts(*ROTOR.effects, jr.Gravity(9.81)).at_speed(SPEED)
+    candidates = {
+        "unbalance": (None, {}),
+        "crack": (jr.Crack(0.5, 1e5), {"crack.loss": (1e3, 4e5), "crack.angle": (-2.0, 2.0)}),
+    }
+    clean = [cracked_orbit(loss) for loss in (LOSS, 2e3)]
+    rng = np.random.default_rng(0)
+    records = []
+    for z in clean:
+        two = 0.05 * np.std(z) * rng.normal(size=(2, z.size))
+        records.append(jr.OrbitRecord(z + two[0] + 1j * two[1], steps_per_revolution=32))
+    options = {"draws": 8, "starts": 2, "progress": False}
+    deep, light = jr.diagnose_each(records, machine, candidates, ECCENTRICITY, **options)
+    assert deep.cause == "crack" and deep.probabilities["crack"] > 0.999
+    found = deep.explanations["crack"]
+    for path, true in (("crack.loss", LOSS), ("crack.angle", ANGLE)):
+        assert abs(found.values[path] - true) < 4 * found.deviations[path]
+    assert deep.explanations["unbalance"].p_value < 1e-3
+    assert light.cause is not None and 0.05 < light.probabilities["crack"] < 0.95
