@@ -270,6 +270,11 @@ def _with(scene: Scene, adds: Any, name: str) -> Scene:
     """The scene with what a candidate adds."""
     if isinstance(adds, AbstractEffect):
         return scene.of_parts(*scene.effects, adds)
+    if not (adds is None or callable(adds) or isinstance(adds, list | tuple)):
+        raise ValueError(
+            f"Candidate {name} must add an effect, a list of them, None, or be a function of a scene, but "
+            f"is {adds!r:.200}."
+        )
     changed = adds(scene) if callable(adds) else scene.of_parts(*scene.effects, *(adds or ()))
     if not isinstance(changed, Scene):
         raise ValueError(

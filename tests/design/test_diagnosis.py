@@ -156,6 +156,7 @@ def test_parameter_that_does_not_matter_costs_its_error():
         ({"candidates": {}}, "`candidates` must have at least two causes"),
         ({"candidates": {"a": (None, {}), "b": None}}, "Candidate 'b' must be a name with a pair"),
         ({"candidates": {"a": (None, {"disc.mass": None}), "b": (None, {})}}, "must have bounds"),
+        ({"candidates": {"a": (None, {}), "b": (3.0, {})}}, "Candidate b must add an effect"),
         ({"candidates": {"a": (None, {}), "b": (lambda scene: 3, {})}}, "must return a `Scene`"),
         ({"parameters": {}}, "`parameters of unbalance` must name at least one"),
         ({"noise": 0.0}, "`noise` must be the positive standard deviation"),
