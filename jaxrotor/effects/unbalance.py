@@ -4,6 +4,7 @@ import re
 from typing import Any, ClassVar
 
 import jax.numpy as jnp
+from jaxtyping import Array, Complex
 
 from ..core.blocks import Blocks, Load
 from ..core.quantities import Scalar, check, nonnegative, real
@@ -68,7 +69,12 @@ class Unbalance(AbstractLoad):
         speed = check(speed, "speed [rad/s]", lambda x: x != 0, "must not be zero")
         return cls(at, mass, 1e-3 * grade / jnp.abs(speed), phase)
 
+    @property
+    def amount(self) -> Complex[Array, ""]:
+        """`m e exp(i phase)` [kg m]."""
+        moment = self.mass * self.eccentricity if self.moment is None else self.moment
+        return moment * jnp.exp(1j * self.phase)
+
     def load(self, line: AbstractLine, blocks: Blocks) -> Load:
         del blocks
-        moment = self.mass * self.eccentricity if self.moment is None else self.moment
-        return Load(unbalance=moment * jnp.exp(1j * self.phase) * line.column(self.at))
+        return Load(unbalance=self.amount * line.column(self.at))

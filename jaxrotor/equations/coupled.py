@@ -30,6 +30,7 @@ from .fixed_axes import SpeedTerms
 from .forces import resistance, state_rates
 from .kinematics import Kinematics
 from .moments import MomentBalance, drive_of, work
+from .parts import unbalances
 from .port import Law, actual, of_each
 from .start import Launch
 from .system import System
@@ -50,20 +51,27 @@ class Stations(eqx.Module):
     columns: Complex[Array, "n c"]
     all_coordinates: Float[Array, "a n"]  # their rows where all are read, else none
 
+    unbalance: Complex[Array, " u"]  # what its columns, which are the last, are multiplied by
+
     @classmethod
-    def of(cls, system: System, moments: MomentBalance | None) -> "Stations":
-        """The stations of a system; `moments` are those of a drive with feedback."""
+    def of(cls, scene: Scene, system: System, moments: MomentBalance | None) -> "Stations":
+        """The stations of a scene; `moments` are those of a drive with feedback."""
         rows = [race.row for race in system.races]
         columns = [race.column for race in system.races]
-        unbalance, every = system.load.unbalance, jnp.zeros((0, system.n))
-        if unbalance is not None:
+        unbalance, every, amounts = system.load.unbalance, jnp.zeros((0, system.n)), []
+        if unbalance is not None and moments is None:
+            own, amounts = unbalances(scene, system.line, system.blocks)
+            columns += own
+        elif unbalance is not None:
             columns.append(unbalance)
+            amounts = [jnp.ones(())]
         if moments is not None and moments.galerkin.unbalance is not None:
             rows.append(jnp.conj(moments.galerkin.unbalance))
         if moments is not None and moments.corotating is not None:
             every = jnp.eye(system.n)
         stacked = lambda parts: jnp.reshape(jnp.array(parts), (-1, system.n)) + 0j
-        return cls(stacked(rows), stacked(columns).T, every)
+        amounts = jnp.concatenate([jnp.zeros(0, complex), *(one[None] for one in amounts)])
+        return cls(stacked(rows), stacked(columns).T, every, amounts)
 
 
 class Instant(NamedTuple):
@@ -126,7 +134,7 @@ class CoupledForces(eqx.Module):
     ) -> "tuple[CoupledForces, Stations]":
         """The forces of a scene, and the stations of balls and unbalance."""
         moments = MomentBalance.of(scene, system)
-        stations, p = Stations.of(system, moments), len(system.ports)
+        stations, p = Stations.of(scene, system, moments), len(system.ports)
         inverse = linalg.inv(system.blocks.inertia)
         columns = [port.column[:, None] for port in system.ports]
         columns = inverse @ jnp.concatenate([*columns, stations.columns], axis=1)
@@ -137,11 +145,17 @@ class CoupledForces(eqx.Module):
         load = system.load
         weight = None if load.constant is None else rows @ (inverse @ load.constant)
         by_terms = None if terms is None else rows @ terms.columns
-        unit = jnp.eye(size)
+        unit, unbalance = jnp.eye(size), None
+        if load.unbalance is not None:
+            unbalance = (
+                jnp.zeros(size, complex)
+                .at[size - len(stations.unbalance) :]
+                .set(stations.unbalance)
+            )
         reduced = dataclasses.replace(
             system,
             blocks=Blocks(polar=system.blocks.polar),
-            load=Load(None, None if load.unbalance is None else unit[-1] + 0j, load.gravity),
+            load=Load(None, unbalance, load.gravity),
             ports=_at(system.ports, unit),
             races=_at(system.races, unit[p:]),
             n=size,

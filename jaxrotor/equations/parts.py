@@ -7,6 +7,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array
 
 from ..core.blocks import Blocks, Load
 from ..core.quantities import Scalar
@@ -19,6 +20,7 @@ from ..effects.base import (
     Ends,
 )
 from ..effects.places import of_first_order
+from ..effects.unbalance import Unbalance
 from ..scene import Scene
 from ..shafts.line import AbstractLine
 from ..shafts.virtual import VirtualLine
@@ -38,6 +40,21 @@ def assemble_load(scene: Scene, line: AbstractLine, blocks: Blocks) -> Load:
     """All loads of a scene, as they enter the equations of a line."""
     found = _of_groups(scene, scene.of(AbstractLoad), lambda effect: effect.load(line, blocks))
     return sum(found.values(), Load())
+
+
+def unbalances(scene: Scene, line: AbstractLine, blocks: Blocks) -> tuple[list[Array], list[Array]]:
+    """Columns of all unbalance, and what each is multiplied by, which an `Unbalance` keeps apart.
+
+    Lanes of other eccentricities share what is computed of the columns.
+    """
+    alone = [one for one in scene.of(Unbalance) if type(one) is Unbalance]
+    columns, amounts = [line.column(one.at) for one in alone], [one.amount for one in alone]
+    others = [one for one in scene.of(AbstractLoad) if type(one) is not Unbalance]
+    rest = sum((one.load(line, blocks) for one in others), Load()).unbalance
+    if rest is not None:
+        columns.append(rest)
+        amounts.append(jnp.ones(()))
+    return columns, amounts
 
 
 def blocks_of_parts(scene: Scene, line: AbstractLine) -> Parts:

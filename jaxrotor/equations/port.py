@@ -263,8 +263,11 @@ def of_each(
 
 def of_all(ports: Sequence[Port], each: Iterable[Array]) -> States:
     """States of a system, or their rates, by those of each port."""
-    places = np.concatenate([np.zeros(0, int), *(np.array(port.places, int) for port in ports)])
-    return jnp.concatenate([jnp.zeros(0), *each])[np.argsort(places)]
+    parts = list(each)
+    if not parts:
+        return jnp.zeros(0)
+    places = np.concatenate([np.array(port.places, int) for port in ports])
+    return jnp.concatenate(parts)[np.argsort(places)]
 
 
 def rates_of_states(
