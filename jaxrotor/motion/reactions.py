@@ -1,5 +1,6 @@
 """Reactions: forces and moments of bearings, constraints and stops on the rotor."""
 
+import dataclasses
 from collections.abc import Callable
 
 import equinox as eqx
@@ -9,6 +10,7 @@ import numpy as np
 from jaxtyping import Array, Complex, Float
 
 from ..core import linalg
+from ..core.blocks import Blocks
 from ..core.compiled import compiled
 from ..core.plane import direction
 from ..core.quantities import known
@@ -23,7 +25,7 @@ from ..equations.forces import (
 )
 from ..equations.kinematics import Kinematics
 from ..equations.parts import assemble_blocks, assemble_load
-from ..equations.pencil import Pencil, frame
+from ..equations.pencil import Pencil
 from ..equations.rotating_frame import Transient
 from ..equations.system import System, assemble
 from ..scene import Scene
@@ -44,7 +46,9 @@ class Reactions(eqx.Module):
     angle: Float[Array, " T"]  # of rotation [rad]
     force: Complex[Array, "T k"]  # x + i y [N]
     moment: Complex[Array, "T k"]  # rotates the tangent, positive with the slope [N m]
-    static: Complex[Array, " k"]  # force of the rotor at rest under weight [N], NaN if it has none
+    static: Complex[
+        Array, " k"
+    ]  # force at rest, at angle 0, under constant loads [N], NaN if it has none
     static_moment: Complex[Array, " k"]  # [N m]
     names: tuple[str, ...] = eqx.field(static=True)
     scene: Scene
@@ -237,21 +241,21 @@ def _selections(influence: Influence) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _at_rest(system: System) -> Kinematics:
-    """The rotor at rest under its weight."""
-    q = jnp.zeros(system.n, complex)
-    if system.load.constant is not None and system.n:
-        rest = system.at_rest
-        fixed = frame(system.blocks) == "fixed"
-        pencil = Pencil.of(rest) if fixed else Pencil.mean(rest)
-        force = system.load.constant
-        pair = jnp.concatenate([force, force.conj()]) if len(pencil.inertia) > system.n else force
-        stiff = pencil.stiffness
-        rows = jnp.max(jnp.abs(stiff), axis=1, keepdims=True)
-        held = linalg.cond(stiff / jnp.where(rows > 0, rows, 1.0)) < 1e14
-        stiff = jnp.where(held, stiff, jnp.eye(len(stiff)))
-        q = jnp.where(held, linalg.solve(stiff, pair)[: system.n], jnp.nan)
-    zero = jnp.zeros(())
-    count = sum(race.bodies.places for race in system.races)
-    still = jnp.zeros(count)
+    """The rotor at rest under weight and misalignment, its unequal axes that turn at the angle 0."""
+    zero, q = jnp.zeros(()), jnp.zeros(system.n, complex)
+    still = jnp.zeros(sum(race.bodies.places for race in system.races))
     turning, bodies = Turning(zero, zero, zero), (still, still, still)
-    return Kinematics(turning, q, 0 * q, 0 * q, *bodies, system.begin())
+    now = Kinematics(turning, q, q, q, *bodies, system.begin())
+    if not (system.load.steady and system.n):
+        return now
+    rest = system.at_rest
+    turned = Blocks(fixed_stiffness=rest.blocks.rotating_stiffness)
+    fixed = dataclasses.replace(rest.blocks, rotating_stiffness=None, rotating_damping=None)
+    pencil = Pencil.of(dataclasses.replace(rest, blocks=fixed + turned))
+    force = applied_force(system.load, now)
+    pair = jnp.concatenate([force, force.conj()]) if len(pencil.inertia) > system.n else force
+    stiff = pencil.stiffness
+    rows = jnp.max(jnp.abs(stiff), axis=1, keepdims=True)
+    held = linalg.cond(stiff / jnp.where(rows > 0, rows, 1.0)) < 1e14
+    stiff = jnp.where(held, stiff, jnp.eye(len(stiff)))
+    return now._replace(r=jnp.where(held, linalg.solve(stiff, pair)[: system.n], jnp.nan))
