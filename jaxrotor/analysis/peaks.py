@@ -183,6 +183,10 @@ def response_peaks(scene: Scene, speeds, at=None) -> ResponsePeaks:
         around = grid[k - 1 : k + 2]
         if not np.any((around[0] <= sharp) & (sharp <= around[2])):
             peak = _summit(rotor, around)
+            distance = radius_and_distance(*rotor, jnp.asarray(peak[0], float))[1]
+            if distance < CRITICAL:  # where the rotor loses its stability or regains it
+                rows.append((peak[0], np.inf, peak[0], peak[0]))
+                continue
             outward = 1 if peak[0] > 0 else -1
             ends = (_half_power(rotor, grid, heights, k, peak, w) for w in (-outward, outward))
             rows.append((*peak, *ends))

@@ -146,11 +146,13 @@ def test_derivatives_by_every_number():
 
 @pytest.mark.slow
 def test_shipped_scene_and_the_command():
-    answer = CliRunner().invoke(
-        app, ["response", "misaligned-coupling", "--json", "--points", "41"]
-    )
-    (twice,) = json.loads(answer.stdout)["twice"]
+    range_ = ["--to", "560", "--points", "41"]
+    answer = CliRunner().invoke(app, ["response", "misaligned-coupling", "--json", *range_])
+    found = json.loads(answer.stdout)
+    (twice,), edges = found["twice"], [one for one in found["margins"] if one["speed"] > 450.0]
     assert twice == pytest.approx(1e-6 * abs(15.5843222994 - 12.4472338053j), rel=1e-11)
+    assert [one["speed"] for one in edges] == pytest.approx([498.8403920588, 550.4526920847])
+    assert all(one["amplification"] is None for one in edges)  # unbounded there
     assert "2X" not in CliRunner().invoke(app, ["response", "two-discs", "--points", "41"]).stdout
 
 
@@ -175,6 +177,20 @@ def test_motions_agree():
         stepped = jr.simulate(rotor, 2, 512, solver=steps).displacement[-1, 0]
         integrated = jr.simulate(rotor, times=ends, **FINEST).displacement[-1, 0]
         assert abs(stepped - integrated) < 1e-12
+
+
+def test_reactions_at_rest():
+    """Pins of a beam share the pull of the coupling, `k z = k_s (1 +- anisotropy) (d - z)` each way."""
+    length, diameter, share = 1.0, 0.04, 0.4
+    pins = jr.Constraint(0.0), jr.Constraint(length)
+    shaft = jr.FlexibleShaft(length, diameter, constraints=pins, nodes=5, shear=False)
+    coupling = jr.Coupling(0.5, KS, share, offset=abs(D), direction=np.angle(D))
+    scene = jr.Scene(shaft, jr.Disc(0.5, M), coupling, spin=jr.ConstantSpeed(150.0))
+    found = jr.reactions(jr.simulate(scene, 1, keep=1))
+    k = 48 * jr.steel().youngs_modulus * np.pi * diameter**4 / 64 / length**3
+    place = lambda d, ks: d * ks / (k + ks)
+    z = place(D.real, KS * (1 + share)) + 1j * place(D.imag, KS * (1 - share))
+    np.testing.assert_allclose(found.static, [-k * z / 2] * 2, rtol=1e-9)
 
 
 @pytest.mark.slow
