@@ -141,8 +141,10 @@ def critical(
     """
     rotor = options.scene_with(scene, settings)
     in_films = bool(rotor.of(AbstractFluid))
-    over = lambda one: linear_over_speeds(one, None, None, _NODES)[0]
-    rotor = over(rotor) if in_films else linear_at_speed(rotor)
+    if in_films:
+        rotor, _ = linear_over_speeds(rotor, None, None, _NODES)
+    else:
+        rotor = linear_at_speed(rotor)
     found, unstable, free = critical_speeds(rotor, count), static_instability(rotor), unheld(rotor)
     columns = (np.asarray(a).tolist() for a in (found.speeds, found.forward_share, found.senses))
     described = [

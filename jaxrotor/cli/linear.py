@@ -155,12 +155,12 @@ def linear_over_speeds(
         return linear, options.speeds_between(linear, low, high, points)
     if high is None:
         high = repr(options.BEYOND * float(scene.spin.speed))
+        if not float(scene.spin.speed):
+            raise ValueError(
+                "The range of speeds ends at 2.5 times the speed of the scene by default, but that is 0, "
+                "where films bear nothing; give it a speed, as by --set spin.speed=3000rpm."
+            )
     last = quantity(high, "rad/s", "--to")
-    if not last:
-        raise ValueError(
-            "The range of speeds ends at 2.5 times the speed of the scene by default, but that is 0, "
-            "where films bear nothing; give it a speed, as by --set spin.speed=3000rpm."
-        )
     speeds = np.linspace(*options.interval(low or repr(last / points), high), points)
     running = float(scene.spin.speed)
     between = speeds.min() <= running <= speeds.max()

@@ -75,12 +75,13 @@ def show(
             files.picture("rotor.png", lambda ax: fit(drawn(rotor, ax)), 170, 75)
     parameters = {path: _parameter(rotor, path) for path in rotor.paths()}
     nodes = getattr(rotor.shaft, "nodes", None)
+    linear = _or_why(lambda: linear_at_speed(rotor))[0] or rotor
     refused, coordinates, (axes, found, still), (critical, no_critical), (onset, why) = _linear(
-        rotor
+        rotor, linear
     )
     whirl = {kind: _whirl(found, kind) for kind in KINDS}
     end = end_of_search(rotor, critical, _SHOWN) if critical else ""
-    notes = _notes(scene, rotor)
+    notes = _notes(scene, linear)
     onset = onset if onset is None else described_onset(onset, axes)
     why = why.partition(";")[0]  # its advice is for Python
     facts = {
@@ -117,17 +118,21 @@ def show(
             **{f"{kind}, at speed": speeds(own) for kind, own in whirl.items() if own},
         }
     )
-    rows += _critical_rows(critical, no_critical.partition("; give")[0], rate)
+    about = "" if linear is rotor else f"; `jaxrotor campbell {scene}` has whirl over the speed"
+    rows += _critical_rows(critical, no_critical.partition("; give")[0] + about, rate)
     lost = f"at {speeds(onset['speed'])}" if onset else not refused and why
     rows += answer.filled({"critical": end, "loses stability": lost})
     answer.give(as_json, facts, table, rows + files.rows)
 
 
-def _linear(rotor: Scene) -> tuple[str, int, Any, Any, Any]:
-    """Why linear analyses refuse a scene, its coordinates, whirl, critical speeds and onset."""
+def _linear(rotor: Scene, linear: Scene) -> tuple[str, int, Any, Any, Any]:
+    """Why linear analyses refuse a scene, its coordinates, whirl, critical speeds and onset.
+
+    `linear` is the scene about its static position.
+    """
     _, refused = _or_why(lambda: check_linear(rotor))
     if refused:  # what depends on the static position is known at one speed alone
-        found, _ = _or_why(lambda: described_roots(linear_at_speed(rotor)))
+        found, _ = _or_why(lambda: described_roots(linear))
         whirling = *(found or ("fixed", [])), None
         return refused, structure(rotor).n, whirling, (None, refused), (None, refused)
     finer = resolved(rotor, 2 * _SHOWN)

@@ -31,6 +31,8 @@ def test_show_tells_what_it_can():
     found = json.loads(run("show", "seal-whirl", "--json"))
     assert found["whirl_frequencies"]["forward"] and found["critical_speeds"] is None
     assert "about a static position" in found["no_critical_speeds"]
+    bearings = " ".join(run("show", "rolling-bearing").split())
+    assert "nothing holds it" not in bearings and "campbell rolling-bearing" in bearings
     cracked = run("show", "cracked-rotor")
     assert "crack.loss" in cracked and "breathe as the shaft turns" in " ".join(cracked.split())
 
@@ -48,6 +50,8 @@ def test_critical_speeds_have_the_stiffness_at_each_speed():
     assert refused.exit_code and "jaxrotor campbell magnetic-rotor" in refused.output
     refused = CliRunner().invoke(app, ["critical", "seal-whirl", "--set", "spin.speed=0"])
     assert refused.exit_code and "--set spin.speed=3000rpm" in refused.output
+    refused = CliRunner().invoke(app, ["campbell", "seal-whirl", "--from", "0", "--to", "0"])
+    assert refused.exit_code and "both are 0 rad/s" in refused.output
 
 
 @pytest.mark.slow
