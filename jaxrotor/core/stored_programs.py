@@ -202,7 +202,7 @@ class _WithoutCache:
     """
 
     def __init__(self) -> None:
-        self._lock, self.threads = threading.Lock(), 0
+        self._lock, self._threads = threading.Lock(), 0
 
     def __enter__(self) -> None:
         self._count(1)
@@ -210,10 +210,15 @@ class _WithoutCache:
     def __exit__(self, *_: Any) -> None:
         self._count(-1)
 
+    def enabled(self) -> bool:
+        """Whether the cache of jax is on, or off for compilations alone."""
+        with self._lock:
+            return jax.config.values["jax_enable_compilation_cache"] or self._threads > 0
+
     def _count(self, more: int) -> None:
         with self._lock:
-            self.threads += more
-            if self.threads == max(more, 0):  # the first to enter or the last to leave
+            self._threads += more
+            if self._threads == max(more, 0):  # the first to enter or the last to leave
                 jax.config.update("jax_enable_compilation_cache", more < 0)
                 compilation_cache.reset_cache()  # jax reads the setting once
 
@@ -305,8 +310,7 @@ def sources(package: Path = Path(__file__).parents[1]) -> str:
 def _folder() -> Path | None:
     """Folder of stored programs; None on anything but one CPU, or if jax keeps none on a local disk."""
     cache = jax.config.values["jax_compilation_cache_dir"]
-    enabled = jax.config.values["jax_enable_compilation_cache"] or _WITHOUT_CACHE.threads
-    if not cache or "://" in cache or not enabled:
+    if not cache or "://" in cache or not _WITHOUT_CACHE.enabled():
         return None
     alone = jax.default_backend() == "cpu" and jax.device_count() == 1
     return Path(cache) / FOLDER if alone else None
