@@ -29,10 +29,8 @@ LOWEST, HIGHEST, NARROWEST = 50.0, 110.0, 85.0  # mm: sizes of a figure
 THICK = 0.5  # largest thickness of a disc, relative to the length of the shaft
 HOUSED = (0.5, 0.65)  # upper and lower side of a casing, between axis and ground
 SIZE, FLATTEST = 0.03, 0.1  # size of symbols, and least height over the axis, by the shaft's length
-ROW, IN_ROW = (
-    4.0,
-    4,
-)  # mm: height of a further row of the legend, and parts in a row if there are several
+ROW = 4.0  # mm: height of a further row of the legend
+IN_ROW = 4  # parts in a row of a legend that has several
 DRAWN: tuple[type, ...] = (AnnularStator, Disc, BallBalancer, AbstractCasing, Limiter)
 DRAWN += (RollingBearing, Support, Unbalance, *symbols.SYMBOLS)
 
