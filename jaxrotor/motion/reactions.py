@@ -46,9 +46,7 @@ class Reactions(eqx.Module):
     angle: Float[Array, " T"]  # of rotation [rad]
     force: Complex[Array, "T k"]  # x + i y [N]
     moment: Complex[Array, "T k"]  # rotates the tangent, positive with the slope [N m]
-    static: Complex[
-        Array, " k"
-    ]  # force at rest, at angle 0, under constant loads [N], NaN if it has none
+    static: Complex[Array, " k"]  # force of the rotor at rest at angle 0 [N], NaN if it has none
     static_moment: Complex[Array, " k"]  # [N m]
     names: tuple[str, ...] = eqx.field(static=True)
     scene: Scene

@@ -1,6 +1,5 @@
 """Programs are stored with all that decides them, and give the same numbers when they are loaded."""
 
-import contextlib
 import enum
 import functools
 import importlib
@@ -275,7 +274,7 @@ def test_a_program_that_jax_has_in_its_cache_is_stored_complete(folder, monkeypa
     given = (jnp.ones(()), jnp.full((), 2.0))
     call = lambda traced: StoredPrograms(fused, traced, QUICKLY).find(given, {})()
     with monkeypatch.context() as patch:  # jax stores the program as well
-        patch.setattr(stored_programs, "_WITHOUT_CACHE", contextlib.nullcontext())
+        patch.setattr(stored_programs._WITHOUT_CACHE, "_count", lambda more: None)
         first = call(fused)
     assert [*folder.parent.glob("jit_fused*")]
     for file in folder.iterdir():
