@@ -10,7 +10,7 @@ from typing import Any, ClassVar, NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, ArrayLike, Float
+from jaxtyping import Array, ArrayLike, Complex, Float
 
 from ..core.blocks import Blocks, Load
 from ..core.quantities import Scalar, Series
@@ -132,6 +132,21 @@ class AbstractLoad(AbstractEffect):
     @abc.abstractmethod
     def load(self, line: AbstractLine, blocks: Blocks) -> Load:
         """Load of this effect; `blocks` are those of the whole scene, as weight depends on all masses."""
+
+
+class AbstractUnbalance(AbstractLoad):
+    """Load `amount (Omega^2 - i Omega.) exp(i theta)` at one station."""
+
+    at: eqx.AbstractVar[Scalar]
+
+    @property
+    @abc.abstractmethod
+    def amount(self) -> Complex[Array, ""]:
+        """`m e exp(i phase)` [kg m]."""
+
+    def load(self, line: AbstractLine, blocks: Blocks) -> Load:
+        del blocks
+        return Load(unbalance=self.amount * line.column(self.at))
 
 
 class OwnPort(NamedTuple):

@@ -6,16 +6,14 @@ from typing import Any, ClassVar
 import jax.numpy as jnp
 from jaxtyping import Array, Complex
 
-from ..core.blocks import Blocks, Load
 from ..core.quantities import Scalar, check, nonnegative, real
-from ..shafts.line import AbstractLine
-from .base import AbstractLoad
+from .base import AbstractUnbalance
 
 
 _GRADE = re.compile(r"\s*G?\s*(\d+\.?\d*|\.\d+)\s*")
 
 
-class Unbalance(AbstractLoad):
+class Unbalance(AbstractUnbalance):
     """Centre of mass off the axis: `F = m e (Omega^2 - i Omega.) exp(i (theta + phase))`.
 
     It is given by `mass` m and `eccentricity` e, or by their product, the `moment` U = m e that balancing
@@ -71,10 +69,5 @@ class Unbalance(AbstractLoad):
 
     @property
     def amount(self) -> Complex[Array, ""]:
-        """`m e exp(i phase)` [kg m]."""
         moment = self.mass * self.eccentricity if self.moment is None else self.moment
         return moment * jnp.exp(1j * self.phase)
-
-    def load(self, line: AbstractLine, blocks: Blocks) -> Load:
-        del blocks
-        return Load(unbalance=self.amount * line.column(self.at))

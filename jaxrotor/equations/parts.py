@@ -17,10 +17,10 @@ from ..effects.base import (
     AbstractLinear,
     AbstractLoad,
     AbstractOverSpeed,
+    AbstractUnbalance,
     Ends,
 )
 from ..effects.places import of_first_order
-from ..effects.unbalance import Unbalance
 from ..scene import Scene
 from ..shafts.line import AbstractLine
 from ..shafts.virtual import VirtualLine
@@ -43,13 +43,14 @@ def assemble_load(scene: Scene, line: AbstractLine, blocks: Blocks) -> Load:
 
 
 def unbalances(scene: Scene, line: AbstractLine, blocks: Blocks) -> tuple[list[Array], list[Array]]:
-    """Columns of all unbalance, and what each is multiplied by, which an `Unbalance` keeps apart.
+    """Columns of all unbalance, and what each is multiplied by, where an effect keeps that apart.
 
     Lanes of other eccentricities share what is computed of the columns.
     """
-    alone = [one for one in scene.of(Unbalance) if type(one) is Unbalance]
+    keeps = lambda one: type(one).load is AbstractUnbalance.load
+    alone = [one for one in scene.of(AbstractUnbalance) if keeps(one)]
     columns, amounts = [line.column(one.at) for one in alone], [one.amount for one in alone]
-    others = [one for one in scene.of(AbstractLoad) if type(one) is not Unbalance]
+    others = [one for one in scene.of(AbstractLoad) if not keeps(one)]
     rest = sum((one.load(line, blocks) for one in others), Load()).unbalance
     if rest is not None:
         columns.append(rest)
