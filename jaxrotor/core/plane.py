@@ -31,7 +31,7 @@ def directions(angle: Any) -> Any:
     Beyond, and in single precision, its error is that of the last digit of the angle. The compiler calls
     the C library once a sine, which takes 9 ns; this takes 2 for both.
     """
-    return jax.lax.complex(*_cosine_and_sine(angle))
+    return jax.lax.complex(*cosine_and_sine(angle))
 
 
 # Half of pi in three parts, of which the first two have 33 bits, so that a million of them is exact.
@@ -39,7 +39,8 @@ _QUARTER = 1.57079632673412561417, 6.07710050630396597660e-11, 2.022266248795950
 
 
 @jax.custom_jvp
-def _cosine_and_sine(angle: Any) -> Any:
+def cosine_and_sine(angle: Any) -> Any:
+    """Cosine and sine of angles in lanes, see `directions`."""
     quarters = jnp.round(angle * (2 / math.pi))
     rest = angle
     for part in _QUARTER:
@@ -56,9 +57,9 @@ def _cosine_and_sine(angle: Any) -> Any:
     return cos, jnp.where(number > 1, -sin, sin)
 
 
-@_cosine_and_sine.defjvp
+@cosine_and_sine.defjvp
 def _(primals, tangents):
-    cos, sin = _cosine_and_sine(*primals)
+    cos, sin = cosine_and_sine(*primals)
     (change,) = tangents
     return (cos, sin), (-sin * change, cos * change)
 

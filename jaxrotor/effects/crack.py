@@ -9,7 +9,7 @@ import numpy as np
 
 from ..core.extremes import larger
 from ..core.lanes import computed_once
-from ..core.plane import directions
+from ..core.plane import cosine_and_sine
 from ..core.quantities import Number, Scalar, known, nonnegative, real
 from ..shafts.hinge import hinge
 from ..shafts.line import AbstractLine
@@ -189,8 +189,7 @@ class CrackLaw(AbstractLaw):
     def _turned(self, displacement: Plane, now: Now) -> tuple[Number, Number, Number, Number]:
         """Cosine and sine of the angle of the weak axis, displacements along it and across."""
         angle = cast(Any, now.angle) + self.angle
-        axis = computed_once(directions(angle))
-        cos, sin = axis.real, axis.imag
+        cos, sin = computed_once(jnp.stack(cosine_and_sine(angle)))
         x, y = displacement
         return cos, sin, cos * x + sin * y, cos * y - sin * x
 

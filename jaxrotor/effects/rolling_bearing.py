@@ -9,7 +9,7 @@ import numpy as np
 from ..core.checks import check_counts
 from ..core.extremes import larger
 from ..core.lanes import computed_once, reduced
-from ..core.plane import directions
+from ..core.plane import cosine_and_sine
 from ..core.quantities import Number, Scalar, at_least, nonnegative, positive, real
 from .base import AbstractContact
 from .law import AbstractSmoothLaw, Hardness, Now, Plane
@@ -119,8 +119,7 @@ class RollingLaw(AbstractSmoothLaw):
     def __call__(self, displacement: Plane, velocity: Plane, now: Now) -> Plane:
         x, y = displacement
         cage = self.rate * cast(Any, now.angle) + self.phase
-        first = computed_once(directions(cage))
-        cos, sin = first.real, first.imag
+        cos, sin = computed_once(jnp.stack(cosine_and_sine(cage)))
         # One sine and cosine serve all balls, along a first axis: lanes remain the last.
         apart = 2 * np.pi / self.balls * np.arange(self.balls)
         apart = apart.reshape(-1, *(1,) * max(jnp.ndim(x), jnp.ndim(cage)))
