@@ -11,6 +11,17 @@ of = "pedestal"
 stiffness = "200 MN/m"
 """
 
+SECOND_LINE = """\
+
+[casing]                           # the second line, as one mass
+name = "second line"
+mass = "20 kg"
+
+[[support]]                        # its bearings
+of = "second line"
+stiffness = "4e6 N/m"
+"""
+
 EXAMPLES = {
     "flexible": [
         """\
@@ -354,6 +365,7 @@ angular_stiffness = "2e3 N m/rad"
 tilt = "1 mrad"                    # of the second line
 tilt_direction = "0 deg"
 """
+        + SECOND_LINE,
     ],
     "oldham_coupling": [
         """\
@@ -365,6 +377,7 @@ offset = "0.2 mm"                  # of the second line
 direction = "90 deg"
 angle = "0 deg"                    # of the slot in the shaft's hub at the start
 """
+        + SECOND_LINE,
     ],
     "crack": [
         """\

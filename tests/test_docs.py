@@ -32,8 +32,7 @@ BLOCK = re.compile(
 )
 NUMBER = re.compile(r"[-+]?\d+\.?\d*(?:e[-+]?\d+)?")
 GALLERY = "docs/gallery.md"
-TIERS = {  # of pages, by default "slow"; None: the first
-    "docs/tutorials/effect.md": None,
+TIERS = {  # of pages, by default "slow"
     **dict.fromkeys((GALLERY, "docs/tutorials/fan.md", "docs/guides/design.md"), "long"),
 }
 PAGES = [
