@@ -121,8 +121,7 @@ def last_digit(number: str) -> float:
 
 
 def in_tier(page):
-    tier = TIERS.get(page, "slow")
-    return pytest.param(page, marks=[getattr(pytest.mark, tier)] if tier else [])
+    return pytest.param(page, marks=getattr(pytest.mark, TIERS.get(page, "slow")))
 
 
 @pytest.mark.parametrize("page", [in_tier(page) for page in PAGES])
