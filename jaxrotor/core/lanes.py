@@ -38,7 +38,7 @@ def computed_once(x: Array) -> Array:
     """
     if x.ndim == 0:
         return x
-    weights = np.array([1.0, 0.0]).reshape(2, *[1] * x.ndim)
+    weights = np.array([1.0, 0.0], x.real.dtype).reshape(2, *[1] * x.ndim)
     return (x * weights).sum(0)
 
 

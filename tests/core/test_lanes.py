@@ -50,6 +50,7 @@ def test_a_kernel_ends_where_its_result_is_to_be_computed_once():
         jax.tree.map(np.testing.assert_array_equal, program(x), both(lambda x: x, x))
     assert cosines[0] == 1 < cosines[1]
     assert computed_once(jnp.asarray(2.0)) == 2.0
+    assert computed_once(x.astype(jnp.float32)).dtype == jnp.float32
 
 
 def test_equations_of_lanes_by_elimination():
