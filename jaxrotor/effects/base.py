@@ -137,7 +137,7 @@ class AbstractLoad(AbstractEffect):
 class AbstractUnbalance(AbstractLoad):
     """Load `amount (Omega^2 - i Omega.) exp(i theta)` at one station."""
 
-    at: eqx.AbstractVar[Scalar]
+    at: eqx.AbstractVar[Scalar]  # station [m]
 
     @property
     @abc.abstractmethod
