@@ -115,6 +115,7 @@ from .effects import (
     BallBalancer as BallBalancer,
     BallContact as BallContact,
     Casing as Casing,
+    CoaxialShaft as CoaxialShaft,
     Coupling as Coupling,
     Crack as Crack,
     CubicSpring as CubicSpring,

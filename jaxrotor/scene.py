@@ -22,21 +22,22 @@ from .core.parameters import (
     with_leaves,
 )
 from .core.plausibility import warn_implausible
-from .core.quantities import known, quantity_units
+from .core.quantities import known, quantity_units, with_values
 from .core.representation import number_text
 from .core.tables import notebook_table
-from .effects.base import AbstractCasing, AbstractContact, AbstractEffect
-from .effects.places import (
-    check_casing,
-    check_casings,
-    check_hinges,
-    check_yield,
-    count_held,
-    has_hinges,
-    names_beside,
+from .effects.base import AbstractCasing, AbstractEffect
+from .effects.layout import (
+    Layout,
+    Placed,
+    check_shafts,
+    coaxial_shafts,
+    placed,
+    seen_stations,
 )
+from .effects.places import check_casing, check_casings, names_beside
 from .shafts.cased import CasedLine
-from .shafts.line import NODES, AbstractLine, AbstractShaft, Attached
+from .shafts.coaxial import CoaxialLine
+from .shafts.line import NODES, AbstractLine, AbstractShaft
 from .spins.base import AbstractSpin
 from .spins.constant import constant
 
@@ -64,18 +65,21 @@ class Scene(eqx.Module):
     shaft: AbstractShaft
     effects: tuple[AbstractEffect, ...]
     spin: AbstractSpin
-    spans: tuple[int, ...] = eqx.field(static=True)
-    resolution: tuple[int, ...] = eqx.field(static=True)  # nodes of every span
+    layouts: tuple[Layout, ...] = eqx.field(static=True)  # of every shaft
     assumption: str = eqx.field(static=True)
-    attached: Attached = eqx.field(static=True, default=())  # see `AbstractShaft.attached`
+    name: str | None = eqx.field(static=True, default=None)  # of the shaft, where there are several
 
     def __init__(
         self,
-        shaft: AbstractShaft,
+        shaft: AbstractShaft | Mapping[str, AbstractShaft | AbstractEffect],
         *effects: AbstractEffect | Sequence[AbstractEffect],
         spin: AbstractSpin,
         assumption: str = "",
+        name: str | None = None,
     ):
+        if isinstance(shaft, Mapping):
+            (name, shaft), *others = shaft.items()
+            effects = (*(with_values(one, name=k, shaft=k) for k, one in others), *effects)
         check_kind(shaft, AbstractShaft, "The first argument of a scene", "a shaft")
         lists: Any = (one if isinstance(one, list | tuple) else (one,) for one in effects)
         members: tuple[AbstractEffect, ...] = tuple(itertools.chain.from_iterable(lists))
@@ -83,25 +87,55 @@ class Scene(eqx.Module):
             check_kind(effect, AbstractEffect, "Each effect of a scene", "an effect")
         check_kind(spin, AbstractSpin, "`spin`", "a spin such as ConstantSpeed(300.0)")
         self.shaft, self.effects, self.spin, self.assumption = shaft, members, spin, assumption
-        check_casings(members)
-        stations = _known_stations(shaft, members)
-        if stations is None:
-            raise ValueError(
-                "A scene must be built from known stations and length; build it outside jax.jit or "
-                "jax.grad and give it traced values with `scene.replace`."
-            )
-        self.spans = _spans(shaft, members, stations)
-        self.resolution = shaft.resolution(stations, self.spans, count_held(members))
-        if not has_hinges(members):
-            self.attached = shaft.attached(stations, _turned(members), self.resolution)
-        elif getattr(shaft, "nodes", None) == "auto":  # a kink needs them, and is in no mode
-            self.resolution = tuple(max(NODES, count) for count in self.resolution)
+        self.name = name
+        check_shafts(members, name)
+        check_casings(members, self.shafts)
+        layouts = []
+        for own in self.placed():
+            if (stations := own.known_stations) is None:
+                raise ValueError(
+                    "A scene must be built from known stations and length; build it outside jax.jit or "
+                    "jax.grad and give it traced values with `scene.replace`."
+                )
+            layouts.append(own.layout(stations))
+        self.layouts = tuple(layouts)
         warn_implausible(self.known_values())
 
+    @property
+    def shafts(self) -> tuple[str, ...]:
+        """Names of the shafts of a scene of several, the first one first; none of a scene of one."""
+        beside = coaxial_shafts(self.effects)
+        return (str(self.name), *(one.name for one in beside)) if beside else ()
+
+    @property
+    def spans(self) -> tuple[int, ...]:
+        """Stations between which the elastic lines are smooth, see `AbstractShaft.spans`."""
+        return sum((own.spans for own in self.layouts), ())
+
+    @property
+    def resolution(self) -> tuple[int, ...]:
+        """Number of nodes of every span, shaft by shaft."""
+        return sum((own.resolution for own in self.layouts), ())
+
+    @property
+    def condensed(self) -> bool:
+        """Whether an elastic line is condensed, see `AbstractShaft.attached`."""
+        return any(own.attached for own in self.layouts)
+
+    def placed(self) -> list[Placed]:
+        """Every shaft with the effects on it."""
+        return placed(self.shaft, self.name, self.effects)
+
     def line(self) -> AbstractLine:
-        """The elastic line of the shaft, and of the coordinates beside it if there are any."""
-        stations = _stations(self.shaft, self.effects)
-        line = self.shaft.line(stations, self.spans, self.resolution, self.attached)
+        """The elastic lines of the shafts, and the coordinates beside them if there are any."""
+        every = self.placed()
+        lines = [own.line(there) for own, there in zip(self.layouts, every, strict=True)]
+        line = lines[0]
+        if len(lines) > 1:
+            starts = tuple(jnp.asarray(there.start) for there in every)
+            line = CoaxialLine(
+                lines=tuple(lines), starts=starts, names=self.shafts, anisotropy=line.anisotropy
+            )
         beside = names_beside(self.effects)
         return CasedLine(line=line, names=beside, anisotropy=line.anisotropy) if beside else line
 
@@ -109,8 +143,9 @@ class Scene(eqx.Module):
         """Stations to observe [m].
 
         Args:
-            at: a station or a list of them [m]. By default the station of the first contact, else of
-                the first effect that has one, else the end of the shaft.
+            at: a station or a list of them [m]; of a scene of several shafts with their names,
+                `("hp", 0.3)`. By default the station of the first contact, else of the first effect that
+                has one, else the end of the shaft.
 
         Returns:
             The stations, as an array.
@@ -118,27 +153,21 @@ class Scene(eqx.Module):
         Raises:
             ValueError: If a station is not on the shaft, or nothing is known of the shaft there.
         """
-        if at is None:
-            placed = (*self.of(AbstractContact), *self.effects)
-            first = (at for at in map(_station, placed) if at is not None)
-            return jnp.atleast_1d(next(first, self.shaft.length))
-        try:
-            stations = jnp.atleast_1d(jnp.asarray(at, float))
-        except (TypeError, ValueError):
-            stations = jnp.zeros(0)
-        if stations.ndim > 1 or not stations.size:
-            raise ValueError(f"`at [m]` must be a station or a list of them, but is {at!r:.200}.")
-        if known(stations) and known(self.shaft.length):
-            length = float(self.shaft.length)
-            off = [x for x in stations.tolist() if not 0 <= x <= length * (1 + 1e-12)]
-            if off:
-                raise ValueError(
-                    f"`at [m]` must be on the shaft (0 to {length:g}), but is {off[0]:g}."
-                )
-            for x in stations.tolist():
-                if (reason := self.shaft.reason_against(x)) is not None:
-                    raise ValueError(f"`at [m]` = {x:g} m {reason}.")
-        return stations
+        return self.seen(at)[0]
+
+    def seen(self, at: Any = None) -> tuple[Float[Array, " s"], tuple[str | None, ...]]:
+        """Stations as of `stations`, and the shaft of each; None: there is only one.
+
+        Args:
+            at: as of `stations`.
+
+        Returns:
+            The stations [m] along the axis, and the names.
+
+        Raises:
+            ValueError: As of `stations`, or if there are several shafts and a station names none.
+        """
+        return seen_stations(self.placed(), self.shafts, self.effects, at)
 
     def at_speed(self, speed: ArrayLike) -> "Scene":
         """Scene with a constant speed [rad/s] in place of its spin."""
@@ -162,7 +191,9 @@ class Scene(eqx.Module):
             )
         other: dict[str, Any] = {"nodes": nodes} | ({} if rule is None else {"rule": rule})
         shaft = dataclasses.replace(self.shaft, **other)
-        return Scene(shaft, *self.effects, spin=self.spin, assumption=self.assumption)
+        return Scene(
+            shaft, *self.effects, spin=self.spin, assumption=self.assumption, name=self.name
+        )
 
     def of(self, kind: type) -> tuple:
         """Effects that are instances of a class: an effect, `Disc`, or a capability, `AbstractContact`."""
@@ -187,7 +218,9 @@ class Scene(eqx.Module):
 
     def of_parts(self, *effects: AbstractEffect) -> "Scene":
         """Scene with the given effects in place of its own."""
-        return Scene(self.shaft, *effects, spin=self.spin, assumption=self.assumption)
+        return Scene(
+            self.shaft, *effects, spin=self.spin, assumption=self.assumption, name=self.name
+        )
 
     def without(self, kind: str) -> "Scene":
         """Scene without the effects of a kind: `scene.without("limiters")`.
@@ -311,13 +344,14 @@ class Scene(eqx.Module):
             for address in self._find(path):
                 for depth in range(1, len(address)):
                     check_invariants(follow(scene, address[:depth]), path)
-        stations = _known_stations(scene.shaft, scene.effects)
-        if stations is None:
+        every = scene.placed()
+        stations = [own.known_stations for own in every]
+        if any(own is None for own in stations):
             return scene
-        spans = _spans(scene.shaft, scene.effects, stations)
-        leaves = jax.tree.leaves(scene.shaft)
-        chosen = getattr(scene.shaft, "nodes", None) == "auto" and all(map(known, leaves))
-        if spans != self.spans or chosen:
+        pairs = zip(every, stations, self.layouts, strict=True)
+        same = all(own.spans(there) == layout.spans for own, there, layout in pairs)
+        chosen = getattr(scene.shaft, "nodes", None) == "auto"
+        if not same or chosen and all(map(known, jax.tree.leaves(scene.shaft))):
             return scene.of_parts(*scene.effects)
         warn_implausible(scene.known_values())
         return scene
@@ -334,7 +368,8 @@ class Scene(eqx.Module):
         """
         leaves = {address: leaf for path, leaf in values.items() for address in self._find(path)}
         scene = with_leaves(self, leaves)
-        same = not self.attached or _turned(scene.effects) == _turned(self.effects)
+        pairs = zip(self.layouts, scene.placed(), self.placed(), strict=True)
+        same = all(not own.attached or new.turned == old.turned for own, new, old in pairs)
         return scene if same else scene.of_parts(*scene.effects)
 
     def _find(self, path: str) -> list[Address]:
@@ -347,39 +382,6 @@ class Scene(eqx.Module):
         raise ValueError(
             f"The scene has no parameter `{path}`{suggest(path, table)}; it has: {', '.join(alike)}."
         )
-
-
-def _station(effect: AbstractEffect) -> Any:
-    """Station of an effect [m]; None if it has none."""
-    return getattr(effect, "at", None)
-
-
-def _turned(effects) -> tuple[bool, ...]:
-    """Whether each effect that has a station may act on the slope there."""
-    return tuple(effect.turns_section for effect in effects if _station(effect) is not None)
-
-
-def _stations(shaft, effects) -> tuple[Any, ...]:
-    """Stations of the shaft itself, then those of the effects."""
-    return (*shaft.stations, *(at for at in map(_station, effects) if at is not None))
-
-
-def _known_stations(shaft, effects) -> tuple[float, ...] | None:
-    """All stations, or None while any of them or the length is traced."""
-    stations = _stations(shaft, effects)
-    return tuple(map(float, stations)) if all(map(known, (shaft.length, *stations))) else None
-
-
-def _spans(shaft, effects, stations: tuple[float, ...]) -> tuple[int, ...]:
-    """Indices of the stations between which the elastic line is smooth, see `AbstractShaft.spans`."""
-    owners = [effect.kind for effect in effects if _station(effect) is not None]
-    owners = ["constraint or step"] * len(shaft.stations) + owners
-    for owner, at in zip(owners, stations, strict=True):
-        if (reason := shaft.reason_against(at)) is not None:
-            raise ValueError(f"The {owner} at {at:g} m {reason}.")
-    check_yield(shaft, effects)
-    check_hinges(shaft, effects, spans := shaft.spans(stations), stations)
-    return spans
 
 
 def with_shared_nodes(scene: Scene, paths: Iterable[str]) -> Scene:

@@ -19,6 +19,7 @@ from ..equations.system import System, assemble
 from ..scene import Scene
 from .linearized import check_linear
 from .modal import STRAIGHT, inertia_shares, kind_of_whirl
+from .operating_line import OperatingLine, whirls_by
 from .resolved import resolved
 from .synchronous import crossings, families, filled, synchronous_of
 from .whirl_tables import synchronous
@@ -39,6 +40,15 @@ class CriticalSpeeds(eqx.Module):
     stations: Float[Array, " x"]  # [m]
     senses: Float[Array, "c x"]  # see `Modes.senses`: +1 forward circle, 0 line, -1 backward circle
     count: int | None = eqx.field(static=True)  # largest number of each kind
+    line: OperatingLine | None = None  # of a machine of several shafts
+
+    @property
+    def operating(self) -> Float[Array, "c j"] | None:
+        """Speeds of all shafts [rad/s] at each critical speed; None of a scene of one shaft.
+
+        Where that of the first shaft has another sign than the scene's, it is another machine's.
+        """
+        return None if self.line is None else self.line.at(self.speeds)
 
     def _repr_html_(self) -> str:
         columns = self.speeds.tolist(), self.kinds, self.forward_share.tolist()
@@ -98,7 +108,9 @@ class AxisSpeeds(NamedTuple):
     across: Float[Array, " b"]
 
 
-def critical_speeds(scene: Scene, count: int | None = None, points: int = 101) -> CriticalSpeeds:
+def critical_speeds(
+    scene: Scene, count: int | None = None, points: int = 101, by: str | None = None
+) -> CriticalSpeeds:
     """Undamped synchronous whirl: `det( K - Omega^2 (M - G) ) = 0` forward, `M + G` backward.
 
     These hold for equal axes. On unequal supports the pair `(q, q*)` replaces `q`; whirl is elliptic
@@ -116,6 +128,9 @@ def critical_speeds(scene: Scene, count: int | None = None, points: int = 101) -
         count: largest number of each kind to return, by default all; nodes that are "auto" are as many as
             twice as many `roots` need.
         points: number of stations along the shaft at which the sense of the whirl is evaluated.
+        by: name of a shaft, where there are several, by default the first one: speeds at which the
+            unbalance of that shaft is in resonance, as speeds of that shaft; `operating` has those of
+            all. Where its speed does not depend on that of the first shaft, they are of that.
 
     Returns:
         `CriticalSpeeds` [rad/s] by rising magnitude, negative where the scene turns backward (where
@@ -130,7 +145,8 @@ def critical_speeds(scene: Scene, count: int | None = None, points: int = 101) -
     scene = resolved(synchronous(scene), None if count is None else 2 * count)
     check_linear(scene, [])
     _check_undamped(scene)
-    found = dataclasses.replace(_synchronous(scene, assemble(scene), points), count=count)
+    line = OperatingLine.of(scene, by)
+    found = dataclasses.replace(_synchronous(scene, assemble(scene), points, line), count=count)
     if not known(found.speeds):
         return found
     finite = np.isfinite(found.speeds)
@@ -156,7 +172,7 @@ def critical_between(scene: Scene, low: float, high: float) -> CriticalSpeeds:
     A rotor with coordinates of first order has none.
     """
     if of_first_order(scene.effects):
-        every = _synchronous(scene, assemble(scene), 2)
+        every = _synchronous(scene, assemble(scene), 2, None)
         return every.where(np.zeros(len(every.kinds), bool))
     own = float(scene.spin.sense)
     senses = [sense for sense in (1.0, -1.0) if max(sense * low, sense * high) > 0]
@@ -176,15 +192,22 @@ def critical_if_any(scene: Scene, low: float, high: float) -> CriticalSpeeds | N
 
 
 @compiled_quickly
-def _synchronous(scene: Scene, system: System, points: int) -> CriticalSpeeds:
+def _synchronous(
+    scene: Scene, system: System, points: int, line: OperatingLine | None
+) -> CriticalSpeeds:
     """Critical speeds by rising magnitude; infinite ones fill up."""
     check_moves(system)
     stations = scene.shaft.seen(points)
+    if line is not None and system.tabled is None and isotropic(system.blocks):
+        speeds, family = whirls_by(scene, system, line)
+        order, share = jnp.argsort(jnp.abs(speeds)), 1.0 - family
+        senses = (2 * share - 1)[:, None] * jnp.ones(stations.size)
+        return CriticalSpeeds(speeds[order], share[order], stations, senses[order], None, line)
     speeds, share, senses = _whirls(scene, system, stations)
     order = jnp.argsort(speeds)
     share, senses = jax.lax.stop_gradient((share, senses))
     speeds = _signed(system, speeds[order])
-    return CriticalSpeeds(speeds, share[order], stations, senses[order], None)
+    return CriticalSpeeds(speeds, share[order], stations, senses[order], None, line)
 
 
 def _signed(system: System, speeds: Float[Array, " c"]) -> Float[Array, " c"]:

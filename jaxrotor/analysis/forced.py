@@ -16,9 +16,9 @@ from ..equations.pencil import Pencil, check_axes, frame, isotropic
 from ..equations.rigid_motions import check_constant_load
 from ..equations.system import System, assemble, structure
 from ..scene import Scene
-from ..shafts.cased import row_of
-from ..shafts.line import AbstractLine
 from .linearized import check_linear
+from .observed import Places
+from .operating_line import OperatingLine
 from .resonance import CRITICAL, from_resonance
 from .whirl_tables import synchronous
 
@@ -116,7 +116,7 @@ def _peaks(what: str, speeds: Array, frequencies: Array, stations: Array, parts:
     return notebook_table(head, (*heads, "frequency [rad/s]"), rows)
 
 
-def unbalance_response(scene: Scene, speeds, at=None) -> HarmonicResponse:
+def unbalance_response(scene: Scene, speeds, at=None, by: str | None = None) -> HarmonicResponse:
     """`( K - i Omega H + i Omega (C - i Omega G) - Omega^2 M ) q = Omega^2 U`, without time stepping.
 
     On supports of two stiffnesses the orbits are ellipses; a shaft of two stiffnesses stands bent in
@@ -124,11 +124,16 @@ def unbalance_response(scene: Scene, speeds, at=None) -> HarmonicResponse:
 
     Args:
         scene: a rotor without contact (`scene.without("limiters")` removes it).
-        speeds: one or more speeds [rad/s], none of them an undamped critical speed.
-        at: station(s) [m] or names of casings, by default the observed station of `simulate`.
+        speeds: one or more speeds [rad/s], none of them an undamped critical speed; of several shafts
+            those of the first one.
+        at: station(s) [m] or names of casings, by default the observed station of `simulate`; of several
+            shafts `("hp", 0.3)`.
+        by: name of the shaft whose unbalance acts, where there are several, by default the first one.
+            Responses to both together have two frequencies, and the sum of their half axes as bound.
 
     Returns:
-        `HarmonicResponse` with `w = Omega`: the angle of `forward` is its lead over the rotation angle.
+        `HarmonicResponse` with `w = Omega`, or the speed of the shaft `by`: the angle of `forward` is its
+        lead over the rotation angle of that shaft.
         The amplitudes exist where the rotor is unstable too; check `growth_rate`. Differentiable.
 
     Raises:
@@ -140,8 +145,14 @@ def unbalance_response(scene: Scene, speeds, at=None) -> HarmonicResponse:
     scene = synchronous(scene)
     check_linear(scene, speeds)
     speeds, places = _cases(scene, speeds, at)
-    forward, backward, mirrored, _ = _respond(scene, speeds, speeds, places, _of_unbalance)
-    return HarmonicResponse(speeds, speeds, places.stations, forward + mirrored, backward, None)
+    line, forces, frequencies = OperatingLine.of(scene, by), _of_unbalance, speeds
+    if line is not None and line.by:
+        frequencies = line.ratios[line.by] * speeds + line.speeds[line.by]
+        forces = eqx.Partial(_of_other, by)
+    forward, backward, mirrored, _ = _respond(scene, speeds, frequencies, places, forces)
+    return HarmonicResponse(
+        speeds, frequencies, places.stations, forward + mirrored, backward, None
+    )
 
 
 def weight_response(scene: Scene, speeds, at=None) -> WeightResponse:
@@ -248,6 +259,13 @@ def _of_unbalance(system: System):
     return system.load.unbalance_force(system.spin.speed), None
 
 
+def _of_other(shaft: str, system: System):
+    """Unbalance of a shaft beside the first one."""
+    own = [one for one in system.others if one.name == shaft]
+    loads = [one.at(system.spin.speed) ** 2 * one.column for one in own]
+    return loads[0] if loads else None, None
+
+
 def _of_weight(system: System):
     speed = system.spin.speed
     return system.load.still_force(speed), None, system.load.twice_force(speed)
@@ -265,34 +283,6 @@ def ending_span(scene: Scene, at: Scalar) -> Scene:
     if all(map(known, (at, scene.shaft.length, *scene.shaft.stations, *placed))):
         return scene.of_parts(*scene.effects, Disc(at, mass=0.0))
     return scene
-
-
-class Places(eqx.Module):
-    """Places to observe: stations of the shaft, and casings by their names."""
-
-    stations: Float[Array, " s"]  # [m], NaN for a casing
-    casings: tuple[str | None, ...] = eqx.field(static=True)  # None for a station
-
-    @classmethod
-    def of(cls, scene: Scene, at) -> "Places":
-        """Places of stations [m] and names, one or several; raises if the scene does not have one."""
-        every = list(at) if isinstance(at, list | tuple) else [at]
-        names = tuple(one if isinstance(one, str) else None for one in every)
-        if not any(names):
-            stations = scene.stations(at)
-            return cls(stations, (None,) * stations.size)
-        for name in filter(None, names):
-            scene.casing(name)
-        own = [one for one in every if not isinstance(one, str)]
-        stations = iter(scene.stations(own) if own else ())
-        return cls(jnp.stack([jnp.asarray(jnp.nan) if n else next(stations) for n in names]), names)
-
-    def rows(self, line: AbstractLine) -> Float[Array, "s n"]:
-        """Displacements there as linear forms of the coordinates."""
-        if not any(self.casings):
-            return jax.vmap(line.row)(self.stations)
-        pairs = zip(self.stations, self.casings, strict=True)
-        return jnp.stack([row_of(line, at if name is None else name) for at, name in pairs])
 
 
 def unbalance_system(scene: Scene, at) -> tuple[System, Places]:

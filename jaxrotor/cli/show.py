@@ -113,7 +113,7 @@ def show(
             "absent": absent and "parameters without a value; --json lists them",
             **_note_texts(**notes),
             "nodes of each span": nodes and f"{spans} (shaft.nodes = {nodes})",
-            "coordinates": f"{coordinates}, complex x + iy" + _CONDENSED * bool(rotor.attached),
+            "coordinates": f"{coordinates}, complex x + iy" + _CONDENSED * bool(rotor.condensed),
             "whirl at standstill": still is not None and speeds(still),
             **{f"{kind}, at speed": speeds(own) for kind, own in whirl.items() if own},
         }

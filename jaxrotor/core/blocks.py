@@ -47,6 +47,36 @@ class Blocks(eqx.Module):
     def __add__(self, other: "Blocks") -> "Blocks":
         return Blocks(*(_add(getattr(self, name), getattr(other, name)) for name in _parts(self)))
 
+    def of_shaft(self, ratio: Scalar, excess: Scalar | None) -> "Blocks":
+        """These blocks of a shaft that turns at `ratio Omega + excess`, as of one that turns at `Omega`.
+
+        None: an excess of zero. Raises where unequal axes turn with the shaft, or it has hysteresis.
+        """
+        if self.hysteretic is not None:
+            raise ValueError(
+                "HystereticDamping is known for scenes of one shaft alone; take InternalDamping."
+            )
+        if any(name.startswith("rotating_") for name in self.present):
+            raise ValueError(
+                "Unequal axes may turn with the first shaft of a scene alone; make those of the others "
+                "equal, or name their shaft first."
+            )
+        scaled = lambda part, factor: None if part is None else factor * part
+        own = dataclasses.replace(
+            self,
+            gyroscopic=scaled(self.gyroscopic, ratio),
+            circulatory=scaled(self.circulatory, ratio),
+            skew_circulatory=scaled(self.skew_circulatory, ratio),
+            polar=scaled(self.polar, ratio**2),
+        )
+        if excess is None:
+            return own
+        return own + Blocks(
+            skew_damping=scaled(self.gyroscopic, -excess),
+            skew_stiffness=scaled(self.circulatory, -excess),
+            stiffness=scaled(self.skew_circulatory, excess),
+        )
+
     @property
     def present(self) -> list[str]:
         """Names of the blocks that are not absent."""
@@ -87,6 +117,11 @@ class Load(eqx.Module):
         if self.unbalance is None:
             return None
         return unbalance_factor(speed, acceleration) * self.unbalance
+
+    @property
+    def present(self) -> list[str]:
+        """Names of the loads that are not absent."""
+        return [name for name in _parts(self) if getattr(self, name) is not None]
 
     @property
     def steady(self) -> bool:

@@ -14,6 +14,7 @@ from .base import (
     AbstractOwnCoordinates as AbstractOwnCoordinates,
 )
 from .casing import Casing as Casing
+from .coaxial_shaft import CoaxialShaft as CoaxialShaft
 from .coupling import Coupling as Coupling, OldhamCoupling as OldhamCoupling
 from .crack import Crack as Crack
 from .cubic_spring import CubicSpring as CubicSpring

@@ -15,7 +15,7 @@ from jaxtyping import Array, ArrayLike, Complex, Float
 from ..core.blocks import Blocks, Load
 from ..core.quantities import Scalar, Series
 from ..core.representation import AbstractPart
-from ..shafts.line import AbstractLine
+from ..shafts.line import AbstractLine, AbstractShaft
 from .law import AbstractLaw
 
 
@@ -28,6 +28,15 @@ class AbstractEffect(AbstractPart):
         False  # whether it holds the shaft at its station, always or in contact
     )
     strains: ClassVar[bool] = False  # whether it damps the strain of the shaft
+    along_shaft: ClassVar[bool] = False  # whether it acts all along a shaft
+
+    # Name of the shaft it sits on, in a scene of several; `at=("hp", 0.3)` gives it, too:
+    shaft: str | None = eqx.field(default=None, static=True, kw_only=True)
+
+    def __post_init__(self):
+        at: Any = getattr(self, "at", None)
+        if isinstance(at, tuple | list) and len(at) == 2 and isinstance(at[0], str):
+            self.shaft, self.at = at
 
     @property
     def turns_section(self) -> bool:
@@ -251,6 +260,16 @@ class AbstractCasing(AbstractEffect):
     """Body beside the shaft with a coordinate of its own, that other effects name."""
 
     name: eqx.AbstractVar[str]
+
+
+class AbstractCoaxial(AbstractLinear):
+    """Shaft on the axis of the first one, with a speed `ratio Omega + speed`."""
+
+    name: eqx.AbstractVar[str]
+    body: eqx.AbstractVar[AbstractShaft]
+    ratio: eqx.AbstractVar[Scalar]
+    speed: eqx.AbstractVar[Scalar | None]  # [rad/s]; None: zero
+    start: eqx.AbstractVar[Scalar]  # station of its left end on the common axis [m]
 
 
 class AbstractOwnCoordinates(AbstractLinear):

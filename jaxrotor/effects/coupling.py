@@ -8,7 +8,7 @@ from jaxtyping import Array, Complex
 
 from ..core.blocks import Blocks, Load
 from ..core.quantities import Scalar, known, nonnegative, number_or_nan, positive, real, with_values
-from ..shafts.cased import column_of, ends
+from ..shafts.cased import column_of, ends, slope_ends
 from ..shafts.line import AbstractLine
 from .base import AbstractLinear, AbstractLoad
 
@@ -48,6 +48,7 @@ class Coupling(AbstractLinear, AbstractLoad):
     isotropic: bool = eqx.field(init=False, static=True)  # known to be so
 
     def __post_init__(self):
+        super().__post_init__()
         self.isotropic = number_or_nan(self.anisotropy) == 0
 
     def __check_init__(self):
@@ -80,7 +81,7 @@ class Coupling(AbstractLinear, AbstractLoad):
         out = self.offset * jnp.exp(1j * self.direction)
         found = [(*ends(line, self.at, self.on), self.stiffness, out)]
         if self.angular_stiffness is not None:
-            slope = line.slope_row(self.at), line.couple_column(self.at)
+            slope = slope_ends(line, self.at, self.on)
             out = self.tilt * jnp.exp(1j * self.tilt_direction)
             found.append((*slope, self.angular_stiffness, out))
         return found

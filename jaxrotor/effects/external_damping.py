@@ -22,6 +22,7 @@ class ExternalDamping(AbstractLinear):
 
     kind: ClassVar[str] = "external_damping"
     plural: ClassVar[str] = "external_dampings"
+    along_shaft: ClassVar[bool] = True
 
     per_length: Scalar = nonnegative("per_length [N s/m^2]")
     anisotropy: Scalar = real("anisotropy [1]", default=None)
@@ -29,6 +30,7 @@ class ExternalDamping(AbstractLinear):
     isotropic: bool = eqx.field(init=False, static=True)  # known to be so
 
     def __post_init__(self):
+        super().__post_init__()
         self.isotropic = number_or_nan(self.anisotropy) == 0
 
     def refreshed(self) -> "ExternalDamping":

@@ -17,6 +17,7 @@ class InternalDamping(AbstractLinear):
 
     kind: ClassVar[str] = "internal_damping"
     plural: ClassVar[str] = "internal_dampings"
+    along_shaft: ClassVar[bool] = True
     strains: ClassVar[bool] = True
 
     voigt_time: Scalar = nonnegative("voigt_time [s]")

@@ -12,7 +12,7 @@ from .base import AbstractCasing, AbstractContact, AbstractEffect, AbstractOwnCo
 # === casings
 
 
-def check_casings(effects: tuple[AbstractEffect, ...]) -> None:
+def check_casings(effects: tuple[AbstractEffect, ...], shafts: Sequence[str] = ()) -> None:
     """Raise unless casings have names of their own, and each is held by a part that names it.
 
     Effects with coordinates of their own have names of their own, too.
@@ -31,7 +31,8 @@ def check_casings(effects: tuple[AbstractEffect, ...]) -> None:
     parts = [(effect, getattr(effect, key, None)) for effect in effects for key in ("of", "on")]
     parts = [(effect, name) for effect, name in parts if name is not None]
     for _, name in parts:
-        check_casing(name, names)
+        if name not in shafts:
+            check_casing(name, names)
     held = [name for effect, name in parts if not isinstance(effect, AbstractContact)]
     loose = [
         one for one in effects if isinstance(one, AbstractContact)

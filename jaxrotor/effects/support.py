@@ -26,7 +26,7 @@ from ..core.quantities import (
     series,
     with_values,
 )
-from ..shafts.cased import ends
+from ..shafts.cased import ends, slope_ends
 from ..shafts.line import AbstractLine
 from .base import AbstractOverSpeed, AbstractUnequal, Deviator, Ends
 from .coefficients import (
@@ -127,6 +127,7 @@ class Support(AbstractUnequal, AbstractOverSpeed):
     synchronous: bool = eqx.field(init=False, static=True)  # whirls as it rotates
 
     def __post_init__(self):
+        super().__post_init__()
         for name, letter in LETTERS.items():
             value = getattr(self, name)
             if isinstance(value, list | tuple) or np.ndim(value) > 1:
@@ -240,7 +241,7 @@ class Support(AbstractUnequal, AbstractOverSpeed):
         displaced = ends(line, self.at if self.of is None else self.of, self.on)
         if not self._holds_slope:
             return Ends(*displaced)
-        return Ends(*displaced, line.slope_row(self.at), line.couple_column(self.at))
+        return Ends(*displaced, *slope_ends(line, self.at, self.on))
 
     def blocks_between(self, ends: Ends) -> Blocks:
         force = jnp.outer(ends.column, ends.row)

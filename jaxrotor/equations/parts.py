@@ -7,7 +7,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array
+from jaxtyping import Array, Complex
 
 from ..core.blocks import Blocks, Load
 from ..core.quantities import Scalar
@@ -20,8 +20,10 @@ from ..effects.base import (
     AbstractUnbalance,
     Ends,
 )
+from ..effects.layout import coaxial_shafts
 from ..effects.places import of_first_order
 from ..scene import Scene
+from ..shafts.cased import line_of
 from ..shafts.line import AbstractLine
 from ..shafts.virtual import VirtualLine
 from .speed_tables import at_own_speed, parts_with_tables
@@ -38,8 +40,45 @@ def assemble_blocks(scene: Scene, line: AbstractLine) -> Blocks:
 
 def assemble_load(scene: Scene, line: AbstractLine, blocks: Blocks) -> Load:
     """All loads of a scene, as they enter the equations of a line."""
-    found = _of_groups(scene, scene.of(AbstractLoad), lambda effect: effect.load(line, blocks))
+    every = lambda one: one.load(line_of(line, one.shaft), blocks)
+    found = _of_groups(
+        scene, [one for one in scene.of(AbstractLoad) if on_first(scene, one)], every
+    )
     return sum(found.values(), Load())
+
+
+def loads_of_others(scene: Scene, line: AbstractLine) -> tuple["OtherUnbalance", ...]:
+    """Unbalance of every shaft but the first one, each with its own speed."""
+    found = []
+    for shaft in coaxial_shafts(scene.effects):
+        loads = [one for one in scene.of(AbstractLoad) if one.shaft == shaft.name]
+        own = line_of(line, shaft.name)
+        load = sum((one.load(own, Blocks()) for one in loads), Load())
+        if load.present not in ([], ["unbalance"]):
+            raise ValueError(
+                f"On the shaft {shaft.name!r} is a load other than unbalance ({', '.join(load.present)}); "
+                "only the first shaft of a scene can have it."
+            )
+        if load.unbalance is not None:
+            found.append(OtherUnbalance(shaft.ratio, shaft.speed, load.unbalance, shaft.name))
+    return tuple(found)
+
+
+def excess_gyroscopic(scene: Scene, line: AbstractLine) -> Array | None:
+    """`Sum speed_k G_k` of the shafts whose speed is not only a multiple of that of the first one."""
+    found = []
+    for shaft in coaxial_shafts(scene.effects):
+        if shaft.speed is not None:
+            own = line_of(line, shaft.name)
+            effects = [one for one in scene.of(AbstractLinear) if one.shaft == shaft.name]
+            block = sum((one.blocks(own) for one in effects), Blocks()).gyroscopic
+            found += [] if block is None else [shaft.speed * block]
+    return sum(found[1:], found[0]) if found else None
+
+
+def on_first(scene: Scene, effect: AbstractEffect) -> bool:
+    """Whether an effect sits on the first shaft of a scene, or on none."""
+    return effect.shaft in (None, scene.name)
 
 
 def unbalances(scene: Scene, line: AbstractLine, blocks: Blocks) -> tuple[list[Array], list[Array]]:
@@ -47,10 +86,11 @@ def unbalances(scene: Scene, line: AbstractLine, blocks: Blocks) -> tuple[list[A
 
     Lanes of other eccentricities share what is computed of the columns.
     """
-    keeps = lambda one: type(one).load is AbstractUnbalance.load
-    alone = [one for one in scene.of(AbstractUnbalance) if keeps(one)]
+    loads = [one for one in scene.of(AbstractLoad) if on_first(scene, one)]
+    line = line_of(line, scene.name) if scene.shafts else line
+    alone = [one for one in loads if type(one).load is AbstractUnbalance.load]
     columns, amounts = [line.column(one.at) for one in alone], [one.amount for one in alone]
-    others = [one for one in scene.of(AbstractLoad) if not keeps(one)]
+    others = [one for one in loads if type(one).load is not AbstractUnbalance.load]
     rest = sum((one.load(line, blocks) for one in others), Load()).unbalance
     if rest is not None:
         columns.append(rest)
@@ -74,15 +114,36 @@ def blocks_of_parts(scene: Scene, line: AbstractLine) -> Parts:
     blocks = motion = sum(parts.values(), Blocks())
     if isinstance(line, VirtualLine):
         motion = sum(_linear_parts(scene, line.line).values(), Blocks())
-    found = {(scene.name_of(one),): one.damping(line, blocks, motion) for one in dampings}
+    of = lambda one: one.damping(line_of(line, one.shaft), blocks, motion)
+    found = {(scene.name_of(one),): of(one) for one in dampings}
     return parts | found
 
 
 def _linear_parts(scene: Scene, line: AbstractLine) -> Parts:
     """Blocks of the shaft and of every group of linear effects."""
-    blocks = lambda effect: at_own_speed(scene, effect).blocks(line)
+    beside = {one.name: one for one in coaxial_shafts(scene.effects)}
+
+    def blocks(effect: AbstractLinear) -> Blocks:
+        found = at_own_speed(scene, effect).blocks(line_of(line, effect.shaft))
+        if (own := beside.get(effect.shaft)) is None:
+            return found
+        return found.of_shaft(own.ratio, own.speed)
+
     effects = _of_groups(scene, scene.of(AbstractLinear), blocks)
     return {("the shaft",): scene.shaft.blocks(line)} | effects
+
+
+class OtherUnbalance(eqx.Module):
+    """`(Omega_k^2 - i Omega_k.) column exp(i theta_k)`, `Omega_k = ratio Omega + speed` of a shaft."""
+
+    ratio: Scalar
+    speed: Scalar | None  # [rad/s]; None: zero
+    column: Complex[Array, " r"]
+    name: str = eqx.field(static=True)  # of the shaft
+
+    def at(self, speed: Scalar) -> Scalar:
+        """Speed of this shaft [rad/s], by that of the first one."""
+        return self.ratio * speed + (0.0 if self.speed is None else self.speed)
 
 
 class OverSpeed(eqx.Module):
@@ -102,7 +163,7 @@ class OverSpeed(eqx.Module):
             return None
         names = set(map(scene.name_of, tabled))
         constant = sum((own for part, own in parts.items() if names.isdisjoint(part)), Blocks())
-        ends_of = lambda effect: effect.ends_on(line)
+        ends_of = lambda effect: effect.ends_on(line_of(line, effect.shaft))
         groups = map(_stack, _groups(tabled))
         return cls(constant, tuple((own, _of_each(ends_of, own)) for own in groups))
 

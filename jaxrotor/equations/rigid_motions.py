@@ -20,6 +20,7 @@ from ..core.compiled import compiled_quickly
 from ..core.quantities import Scalar, known, value_of, with_values
 from ..effects.base import (
     AbstractCasing,
+    AbstractCoaxial,
     AbstractContact,
     AbstractLinear,
     AbstractOverSpeed,
@@ -27,8 +28,10 @@ from ..effects.base import (
 )
 from ..effects.places import names_beside
 from ..scene import Scene
-from ..shafts.cased import CasedLine
-from ..shafts.line import AbstractLine, RigidLine
+from ..shafts.cased import CasedLine, line_of
+from ..shafts.coaxial import CoaxialLine
+from ..shafts.constraint import Motion
+from ..shafts.line import AbstractLine, AbstractShaft, RigidLine
 from .speed_tables import at_own_speed
 
 
@@ -58,7 +61,7 @@ def unheld(scene: Scene) -> str:
 
     Where values are traced, or coefficients are over the frequency of whirl, the number of springs counts.
     """
-    if not scene.shaft.rigid_motions and not scene.of(AbstractCasing) or _surely_held(scene):
+    if not _motions(scene) and not scene.of(AbstractCasing) or _surely_held(scene):
         return ""
     tables = scene.of(AbstractOverSpeed)
     if all(one.speeds is None for one in tables):
@@ -75,11 +78,25 @@ def unheld(scene: Scene) -> str:
     return _described(scene, null) if len(null) else ""
 
 
+def _motions(scene: Scene) -> list[Motion]:
+    """Rigid motions of all shafts."""
+    return [motion for own in scene.placed() for motion in own.shaft.rigid_motions]
+
+
+def _on_shafts(scene: Scene) -> list[AbstractLinear]:
+    """Linear effects that are no shafts."""
+    return [one for one in scene.of(AbstractLinear) if not isinstance(one, AbstractCoaxial)]
+
+
 def _surely_held(scene: Scene) -> bool:
     """Whether springs at enough stations hold a rotor without casings: the usual case, told at once."""
     motions = scene.shaft.rigid_motions
     springs: tuple[Any, ...] = scene.of(AbstractUnequal)
-    if scene.of(AbstractCasing) or not all(map(known, jax.tree.leaves((motions, springs)))):
+    if (
+        scene.of(AbstractCasing)
+        or scene.shafts
+        or not all(map(known, jax.tree.leaves((motions, springs))))
+    ):
         return False
     held = {float(one.at) for one in springs if _resists(one)}
     if len(motions) == 2:
@@ -92,10 +109,11 @@ def _too_few(scene: Scene) -> bool:
     """Whether there are fewer springs, each against one displacement or tilt, than rigid motions."""
     springs: tuple[Any, ...] = scene.of(AbstractUnequal)
     count = len(springs) + sum(one.angular_stiffness is not None for one in springs)
-    if count >= len(scene.shaft.rigid_motions) + len(scene.of(AbstractCasing)):
+    if count >= len(_motions(scene)) + len(scene.of(AbstractCasing)):
         return False
-    others = [one for one in scene.of(AbstractLinear) if not isinstance(one, AbstractUnequal)]
-    shapes = eqx.filter_eval_shape(lambda line: [one.blocks(line) for one in others], _line(scene))
+    others = [one for one in _on_shafts(scene) if not isinstance(one, AbstractUnequal)]
+    of_each = lambda line: [one.blocks(line_of(line, one.shaft)) for one in others]
+    shapes = eqx.filter_eval_shape(of_each, _line(scene))
     return not any("stiffness" in name for blocks in shapes for name in blocks.present)
 
 
@@ -116,7 +134,9 @@ def _resists(spring: Any) -> bool:
 def _restraint(scene: Scene) -> Float[Array, "m m"]:
     """Stiffness of all effects against the rigid motions along x, then along y."""
     line = _line(scene)
-    parts = (at_own_speed(scene, part).blocks(line) for part in scene.of(AbstractLinear))
+    parts = (
+        at_own_speed(scene, part).blocks(line_of(line, part.shaft)) for part in _on_shafts(scene)
+    )
     blocks, zero = sum(parts, Blocks()), jnp.zeros(line.stiffness.shape, complex)
     own, skew, fixed, turning = (
         zero if block is None else zero + block
@@ -133,18 +153,26 @@ def _restraint(scene: Scene) -> Float[Array, "m m"]:
 
 
 def _line(scene: Scene) -> AbstractLine:
-    """The shaft as a rigid one, with what is beside it, in coordinates of unit displacements."""
-    length = scene.shaft.length
-    motions = jnp.array(scene.shaft.rigid_motions, float).reshape(-1, 2)
-    sizes = jnp.abs(motions) @ jnp.stack([jnp.ones_like(length), length])
-    line = RigidLine(motions=motions / sizes[:, None], length=length)
+    """The shafts as rigid ones, with what is beside it, in coordinates of unit displacements."""
+    every = scene.placed()
+    lines = [_rigid_line(own.shaft) for own in every]
+    line: AbstractLine = lines[0]
+    if scene.shafts:
+        starts = tuple(jnp.asarray(own.start) for own in every)
+        line = CoaxialLine(lines=tuple(lines), starts=starts, names=scene.shafts, anisotropy=None)
     beside = names_beside(scene.effects)
     return CasedLine(line=line, names=beside, anisotropy=None) if beside else line
 
 
+def _rigid_line(shaft: AbstractShaft) -> RigidLine:
+    length, motions = shaft.length, jnp.array(shaft.rigid_motions, float).reshape(-1, 2)
+    sizes = jnp.abs(motions) @ jnp.stack([jnp.ones_like(length), length])
+    return RigidLine(motions=motions / sizes[:, None], length=length)
+
+
 def _described(scene: Scene, null: np.ndarray) -> str:
     """The free motions, null vectors of `_restraint`, in words."""
-    if len(null) == null.shape[1] and len(scene.shaft.rigid_motions) == 2:
+    if len(null) == null.shape[1] and len(_motions(scene)) >= 2:
         return "nothing holds it"
     along = [bool(np.abs(part).max() > 1e-6) for part in np.split(null, 2, axis=1)]
     axis = "" if all(along) else f" along {'xy'[along.index(True)]}"

@@ -53,6 +53,12 @@ def at_own_speed(scene: Scene, part: Any) -> Any:
             "one frequency, `support.at_whirl(frequency)`."
         )
     if isinstance(part, AbstractOverSpeed) and part.nodes_over_speed:
+        if part.shaft not in (None, scene.name):
+            raise ValueError(
+                f"Coefficients of {scene.name_of(part)} are tables over the speed of the shaft "
+                f"{part.shaft!r}, but only parts of the first one, {scene.name!r}, can have tables; name "
+                "that one first, or take the numbers at one speed, `support.at_speed(speed)`."
+            )
         return part.at_speed(scene.spin.speed)
     return part
 

@@ -22,12 +22,20 @@ from ..effects.base import (
 from ..effects.law import AbstractLaw, Now, States
 from ..effects.places import of_first_order
 from ..scene import Scene
-from ..shafts.cased import ends
+from ..shafts.cased import ends, line_of
 from ..shafts.line import AbstractLine
 from ..spins.base import AbstractSpin
 from ..spins.constant import constant
 from .massless_coordinates import Massless
-from .parts import OverSpeed, Parts, assemble_blocks, assemble_load, blocks_of_parts
+from .parts import (
+    OtherUnbalance,
+    OverSpeed,
+    Parts,
+    assemble_blocks,
+    assemble_load,
+    blocks_of_parts,
+    loads_of_others,
+)
 from .port import Port, count_of, of_all, of_each
 from .rigid_motions import unheld
 from .speed_tables import has_tables, within_tables
@@ -69,6 +77,7 @@ class System(eqx.Module):
     tabled: Scene | None = None  # the scene, where coefficients depend on the speed
     free: bool = eqx.field(static=True, default=False)  # in a rigid motion, see `unheld`
     over_speed: OverSpeed | None = None  # see there
+    others: tuple[OtherUnbalance, ...] = ()  # of the shafts beside the first one
     # Whether laws by "turns" repeat in a revolution of the motion, see `AbstractLaw.period`:
     repeats: bool = eqx.field(static=True, default=False)
 
@@ -181,7 +190,8 @@ def _assembled(scene: Scene, together: tuple[tuple[int, ...], ...]) -> System:
     parts = blocks_of_parts(scene, line)
     blocks = sum(parts.values(), Blocks())
     contacts = scene.of(AbstractContact)
-    owned = {i: one.own_port(line) for i, one in enumerate(contacts) if one.own_port}
+    lines = [line_of(line, one.shaft) for one in contacts]
+    owned = {i: one.own_port(lines[i]) for i, one in enumerate(contacts) if one.own_port}
     every = [owned[i].law if i in owned else one.law() for i, one in enumerate(contacts)]
     first = np.cumsum([0, *(len(law.states) for law in every)])
     ports, members = [], []
@@ -193,7 +203,7 @@ def _assembled(scene: Scene, together: tuple[tuple[int, ...], ...]) -> System:
         at, on = contacts[group[0]].at, contacts[group[0]].on
         at = jnp.zeros(()) if at is None else at
         own_port = owned.get(group[0])
-        row, column = ends(line, at, on) if own_port is None else own_port[:2]
+        row, column = ends(lines[group[0]], at, on) if own_port is None else own_port[:2]
         laws = tuple(_stack([every[i] for i in stack]) for stack in stacks.values())
         places = tuple(int(k) for i in own for k in range(first[i], first[i + 1]))
         ports.append(Port(row, column, at, laws, on=on, places=places))
@@ -202,9 +212,12 @@ def _assembled(scene: Scene, together: tuple[tuple[int, ...], ...]) -> System:
         sensor, on = sensor_of(contacts[group[0]]), contacts[group[0]].on
         if sensor is not None:
             ports[i] = dataclasses.replace(ports[i], reads=len(ports))
-            row, column = ends(line, sensor, on)
+            row, column = ends(lines[group[0]], sensor, on)
             ports.append(Port(row, 0 * column, sensor, (), on=on))
-    races = [Race(line.row(b.at), line.column(b.at), b.at, b) for b in scene.of(AbstractBodies)]
+    races = []
+    for b in scene.of(AbstractBodies):
+        own = line_of(line, b.shaft)
+        races.append(Race(own.row(b.at), own.column(b.at), b.at, b))
     return System(
         line,
         blocks,
@@ -219,6 +232,7 @@ def _assembled(scene: Scene, together: tuple[tuple[int, ...], ...]) -> System:
         deviators=tuple(_deviators(scene, line, parts)),
         tabled=scene if has_tables(scene) else None,
         over_speed=OverSpeed.of(scene, line, parts),
+        others=loads_of_others(scene, line),
     )
 
 
@@ -231,7 +245,7 @@ def _deviators(scene: Scene, line: AbstractLine, parts: Parts) -> Iterator[Port]
     turning = any(block.startswith("rotating_") for _, block in present)
     spread = any(block.startswith("fixed_") and part not in effects for part, block in present)
     if turning and not spread and not has_tables(scene):
-        found = (effect.deviator(line) for effect in effects.values())
+        found = (effect.deviator(line_of(line, effect.shaft)) for effect in effects.values())
         yield from (
             Port(one.row, one.column, jnp.zeros(()), (_stack([one.law]),)) for one in found if one
         )
@@ -273,7 +287,7 @@ def has_massless(scene: Scene, system: System | None = None) -> bool | None:
     `system` are its equations, where they are at hand. Raises where a combined motion of coordinates
     with inertia has none.
     """
-    if scene.shaft.has_mass:
+    if all(own.shaft.has_mass for own in scene.placed()):
         return bool(of_first_order(scene.effects))
     system = assemble(scene) if system is None else system
     inertia = system.blocks.inertia
@@ -318,7 +332,7 @@ def port_groups(scene: Scene) -> tuple[tuple[int, ...], ...]:
         for first, group in groups:
             alone = contact.own_port or first.own_port
             alike = same(contact.at, first.at) and same(sensor_of(contact), sensor_of(first))
-            if not alone and contact.on == first.on and alike:
+            if not alone and contact.on == first.on and contact.shaft == first.shaft and alike:
                 group.append(i)
                 break
         else:

@@ -1,5 +1,7 @@
-"""Elastic line of a shaft with further coordinates beside it: casings, and those of other effects."""
+"""Elastic line of shafts with further coordinates beside it: casings, and those of other effects."""
 
+import dataclasses
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import equinox as eqx
@@ -9,6 +11,7 @@ import numpy as np
 from jaxtyping import Array, Complex, Float
 
 from ..core.quantities import Scalar
+from .coaxial import CoaxialLine
 from .line import AbstractLine, PerLength, gauss_points
 from .virtual import VirtualLine
 
@@ -20,7 +23,7 @@ class CasedLine(AbstractLine):
     come between the two.
     """
 
-    line: AbstractLine  # of the shaft alone
+    line: AbstractLine  # of the shaft alone, or of several
     names: tuple[str, ...] = eqx.field(static=True)  # of the coordinates beside the shaft
     anisotropy: Scalar | None
 
@@ -55,9 +58,49 @@ class CasedLine(AbstractLine):
         return jnp.pad(block, [(0, len(self.names))] * block.ndim)
 
 
+def line_of(line: AbstractLine, shaft: str | None) -> AbstractLine:
+    """The line as that of the shaft of a name, where there are several; None: as it is."""
+    return line if shaft is None else _with_shafts(line, lambda lines: lines.of(shaft))
+
+
+def from_own_end(line: AbstractLine) -> AbstractLine:
+    """The line of one of several shafts with stations from its left end on."""
+    zero = lambda lines: dataclasses.replace(lines, starts=(jnp.zeros(()),) * len(lines.starts))
+    return _with_shafts(line, zero)
+
+
+def _with_shafts(line: AbstractLine, changed: Callable[[CoaxialLine], CoaxialLine]) -> AbstractLine:
+    """The line with those of its shafts changed."""
+    if isinstance(line, CoaxialLine):
+        return changed(line)
+    assert isinstance(line, CasedLine | VirtualLine), "a scene knows the shafts that its parts name"
+    own = _with_shafts(line.line, changed)
+    if isinstance(line, CasedLine):
+        return dataclasses.replace(line, line=own, anisotropy=own.anisotropy)
+    return VirtualLine.galerkin(own) if line.strained else dataclasses.replace(line, line=own)
+
+
+def shafts_of(line: AbstractLine) -> tuple[str, ...]:
+    """Names of the shafts of a line; none where there is one shaft."""
+    while isinstance(line, CasedLine | VirtualLine):
+        line = line.line
+    return line.names if isinstance(line, CoaxialLine) else ()
+
+
 def row_of(line: AbstractLine, place: Scalar | str) -> Float[Array, " n"]:
     """Displacement as a linear form, at a station [m] or of a casing or another coordinate by its name."""
     return line.row(place) if not isinstance(place, str) else _cased(line).beside(place)
+
+
+def rows_at(
+    line: AbstractLine, stations: Float[Array, " s"], shafts: Sequence[str | None]
+) -> Float[Array, "s n"]:
+    """Displacements at stations, each of the shaft of a name, as linear forms; None: of the only one."""
+    if not any(shafts):
+        return jax.vmap(line.row)(stations)
+    return jnp.stack(
+        [line_of(line, name).row(at) for at, name in zip(stations, shafts, strict=True)]
+    )
 
 
 def column_of(line: AbstractLine, place: Scalar | str) -> Float[Array, " r"]:
@@ -75,11 +118,27 @@ def column_of(line: AbstractLine, place: Scalar | str) -> Float[Array, " r"]:
 def ends(
     line: AbstractLine, place: Scalar | str, on: str | None
 ) -> tuple[Float[Array, " n"], Float[Array, " r"]]:
-    """Row and column of a place relative to the casing of a name; None: to the ground."""
+    """Row and column of a place relative to what has a name: a casing, or another shaft at this station.
+
+    None: to the ground.
+    """
     row, column = row_of(line, place), column_of(line, place)
     if on is None:
         return row, column
+    if on in shafts_of(line):
+        line, on = line_of(line, on), place
     return row - row_of(line, on), column - column_of(line, on)
+
+
+def slope_ends(
+    line: AbstractLine, at: Scalar, on: str | None
+) -> tuple[Float[Array, " n"], Float[Array, " r"]]:
+    """The same of the slope; casings, which do not tilt, are as the ground."""
+    row, column = line.slope_row(at), line.couple_column(at)
+    if on not in shafts_of(line):
+        return row, column
+    other = line_of(line, on)
+    return row - other.slope_row(at), column - other.couple_column(at)
 
 
 def _cased(line: AbstractLine) -> CasedLine:

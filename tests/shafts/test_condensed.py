@@ -58,7 +58,7 @@ def whirls_of_elements(shear, longest, discs, bearings):
 def test_whirls_are_those_of_finite_elements(shear):
     rotor = scene(shear)
     # Bearings do not hold the slope.
-    assert sum(couple for _, couple in rotor.attached) == len(DISCS)
+    assert sum(couple for _, couple in rotor.layouts[0].attached) == len(DISCS)
     assert jr.assemble(rotor).n == 2 + 40 + 2 * len(DISCS) + len(BEARINGS)
     found = np.sort(np.abs(np.asarray(jr.roots(rotor, 8)).imag))
     assert found == pytest.approx(whirls(shear), rel=1e-6)
@@ -100,7 +100,7 @@ def test_motion_of_a_shaft_with_a_disc_at_a_pin():
         jr.Unbalance(middle, moment=moment),
     ]
     rotor = jr.Scene(shaft, *parts, spin=jr.ConstantSpeed(SPEED))
-    assert rotor.attached
+    assert rotor.condensed
     found = jr.simulate(rotor, 100, 16, keep=1, at=middle, progress=False).displacement[-1, 0]
     stretches = [
         fem.Stretch(*piece) for piece in zip([*STARTS[1:], LENGTH], DIAMETERS, strict=True)
@@ -120,7 +120,7 @@ def test_motion_of_a_shaft_with_a_disc_at_a_pin():
 def test_few_sections_keep_their_coordinates():
     shaft = jr.FlexibleShaft(1.0, 0.05)
     few = jr.Scene(shaft, jr.Disc(0.5, 10.0), spin=jr.ConstantSpeed(SPEED))
-    assert not few.attached
+    assert not few.condensed
 
 
 class Tilting(jr.CubicSpring, AbstractLinear):
@@ -140,6 +140,6 @@ def test_a_slope_is_held_where_values_are_put_and_by_a_part_of_ones_own():
     own = bare.of_parts(*bare.effects, Tilting(at, 0.0, 0.0))
     wanted = np.asarray(jr.roots(given.with_nodes(4), 6)).imag
     for rotor in (given, bare.put({"supports.0.angular_stiffness": 1e8}), own):
-        assert rotor.attached
+        assert rotor.condensed
         found = np.asarray(jr.roots(rotor, 6)).imag
         np.testing.assert_allclose(np.sort(found), np.sort(wanted), rtol=1e-6)
