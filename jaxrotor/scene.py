@@ -68,6 +68,8 @@ class Scene(eqx.Module):
     layouts: tuple[Layout, ...] = eqx.field(static=True)  # of every shaft
     assumption: str = eqx.field(static=True)
     name: str | None = eqx.field(static=True, default=None)  # of the shaft, where there are several
+    observed: str | None = eqx.field(static=True, default=None)  # shaft whose line `line` is
+    in_time: bool = eqx.field(static=True, default=False)  # see `System.others`
 
     def __init__(
         self,
@@ -136,6 +138,7 @@ class Scene(eqx.Module):
             line = CoaxialLine(
                 lines=tuple(lines), starts=starts, names=self.shafts, anisotropy=line.anisotropy
             )
+            line = line.of(self.observed or self.shafts[0])
         beside = names_beside(self.effects)
         return CasedLine(line=line, names=beside, anisotropy=line.anisotropy) if beside else line
 
@@ -168,6 +171,18 @@ class Scene(eqx.Module):
             ValueError: As of `stations`, or if there are several shafts and a station names none.
         """
         return seen_stations(self.placed(), self.shafts, self.effects, at)
+
+    def to_simulate(self, at: Any = None) -> tuple["Scene", Float[Array, " s"]]:
+        """The scene as motions in time take it, and the stations that these observe [m], of one shaft."""
+        stations, shafts = self.seen(at)
+        if not self.shafts:
+            return self, stations
+        if len(set(shafts)) > 1:
+            raise ValueError(
+                "A motion in time is observed at stations of one shaft, but `at` names "
+                f"{' and '.join(sorted(map(str, set(shafts))))}; simulate once for each."
+            )
+        return with_values(self, observed=shafts[0], in_time=True), stations
 
     def at_speed(self, speed: ArrayLike) -> "Scene":
         """Scene with a constant speed [rad/s] in place of its spin."""
@@ -218,9 +233,10 @@ class Scene(eqx.Module):
 
     def of_parts(self, *effects: AbstractEffect) -> "Scene":
         """Scene with the given effects in place of its own."""
-        return Scene(
+        new = Scene(
             self.shaft, *effects, spin=self.spin, assumption=self.assumption, name=self.name
         )
+        return with_values(new, observed=self.observed, in_time=self.in_time)
 
     def without(self, kind: str) -> "Scene":
         """Scene without the effects of a kind: `scene.without("limiters")`.

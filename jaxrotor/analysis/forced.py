@@ -262,7 +262,7 @@ def _of_unbalance(system: System):
 def _of_other(shaft: str, system: System):
     """Unbalance of a shaft beside the first one."""
     own = [one for one in system.others if one.name == shaft]
-    loads = [one.at(system.spin.speed) ** 2 * one.column for one in own]
+    loads = [one.clock.speed(system.spin.speed) ** 2 * one.column for one in own]
     return loads[0] if loads else None, None
 
 

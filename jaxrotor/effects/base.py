@@ -16,7 +16,7 @@ from ..core.blocks import Blocks, Load
 from ..core.quantities import Scalar, Series
 from ..core.representation import AbstractPart
 from ..shafts.line import AbstractLine, AbstractShaft
-from .law import AbstractLaw
+from .law import AbstractLaw, Clock
 
 
 class AbstractEffect(AbstractPart):
@@ -270,6 +270,12 @@ class AbstractCoaxial(AbstractLinear):
     ratio: eqx.AbstractVar[Scalar]
     speed: eqx.AbstractVar[Scalar | None]  # [rad/s]; None: zero
     start: eqx.AbstractVar[Scalar]  # station of its left end on the common axis [m]
+    phase: eqx.AbstractVar[Scalar | None]  # its angle at t = 0 [rad]; None: zero
+
+    @property
+    def clock(self) -> Clock:
+        """Speed and angle by those of the first shaft."""
+        return Clock(self.ratio, self.speed, self.phase)
 
 
 class AbstractOwnCoordinates(AbstractLinear):

@@ -12,7 +12,7 @@ from .base import AbstractCoaxial
 
 
 class CoaxialShaft(AbstractCoaxial):
-    """Shaft on the axis of the first one, `Omega_k = ratio Omega + speed`.
+    """Shaft on the axis of the first one, `Omega_k = ratio Omega + speed`; its angle begins at `phase`.
 
     `Omega` is the speed of the first shaft of the scene. A negative `ratio` is counter-rotation, `ratio=0`
     with a `speed` a shaft that turns whatever the first one does. `start` is the station of its left end
@@ -32,6 +32,7 @@ class CoaxialShaft(AbstractCoaxial):
     ratio: Scalar = real("ratio [1]", default=1.0)
     speed: Scalar = real("speed [rad/s]", default=None)
     start: Scalar = real("start [m]", default=0.0)
+    phase: Scalar = real("phase [rad]", default=None)
     name: str = eqx.field(static=True, default="")  # given by the scene
 
     def __check_init__(self):

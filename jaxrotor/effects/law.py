@@ -32,6 +32,35 @@ class Now(NamedTuple):
     state: States | None = None  # its own `states`; None: it has none
     sensor: tuple[Plane, Plane] | None = None  # motion at its contact's `sensor`; None: it has none
     branch: Branch | None = None  # that its `rates` follow; None: the one of the motion
+    acceleration: Number | None = None  # of rotation [rad/s^2]; None: zero
+    time: Number | None = None  # [s], along times
+
+
+class Clock(eqx.Module):
+    """`Omega_k = ratio Omega + excess`, `theta_k = ratio theta + excess t + phase` of a shaft."""
+
+    ratio: Number
+    excess: Number | None  # [rad/s]; None: zero
+    phase: Number | None = None  # [rad]; None: zero
+
+    def speed(self, first: Number) -> Number:
+        """Its speed [rad/s] by that of the first shaft."""
+        own = self.ratio * first
+        return own if self.excess is None else own + self.excess
+
+    def of(self, now: Now) -> Now:
+        """What laws on this shaft are given, by what those on the first one are."""
+        angle, acceleration = now.angle, now.acceleration
+        if angle is not None:
+            angle = self.ratio * angle
+            if self.excess is not None:
+                assert now.time is not None, "laws that count turns are stepped along times"
+                angle = angle + self.excess * now.time
+            if self.phase is not None:
+                angle = angle + self.phase
+        if acceleration is not None:
+            acceleration = self.ratio * acceleration
+        return now._replace(speed=self.speed(now.speed), angle=angle, acceleration=acceleration)
 
 
 class AbstractLaw(eqx.Module):

@@ -22,7 +22,6 @@ from ..core.blocks import Blocks, Load
 from ..core.lanes import computed_once, per_lane, product
 from ..core.plane import plane
 from ..core.quantities import Number, Scalar
-from ..effects.law import Now
 from ..scene import Scene
 from ..spins.base import AbstractSpin, Turning
 from .accelerations import with_accelerations
@@ -175,7 +174,7 @@ class CoupledForces(eqx.Module):
     def turning(self, now: Instant, others: AuxiliaryState) -> Turning:
         """Rotation now; the acceleration of a free spin is not known yet."""
         if self.free:
-            return Turning(others.angle[0], others.speed[0], jnp.zeros(()))
+            return Turning(others.angle[0], others.speed[0], jnp.zeros(()), now.time)
 
         def known(parts: tuple[AbstractSpin, Scalar | None], now: Instant) -> Turning:
             (spin, polar), (time, inside) = parts, now
@@ -187,7 +186,7 @@ class CoupledForces(eqx.Module):
         parts = self.system.spin, self.system.blocks.polar
         alone = jnp.ndim(now.time) == 0
         found = known(parts, now) if alone else per_lane(known, parts, now)
-        return found._replace(angle=self.begin + found.angle)
+        return found._replace(angle=self.begin + found.angle, time=now.time)
 
     def __call__(
         self, at: Instant, seen: Complex[Array, "z ..."], others: AuxiliaryState, law: Law = actual
@@ -208,7 +207,10 @@ class CoupledForces(eqx.Module):
         nothing = jnp.zeros((system.n, *seen.shape[1:]), complex)
         given = jnp.concatenate([nothing[:p], acceleration, nothing[p + len(acceleration) :]])
         motion = plane(place, axis=1), plane(velocity, axis=1)
-        own = of_each(system.ports, Now(turning.speed, turning.angle, others.states), *motion)
+        none = jnp.zeros_like(others.bodies)
+        bodies = others.bodies, turning.speed + others.bodies_rate, none
+        still = Kinematics(turning, none, none, none, *bodies, others.states)
+        own = of_each(system.ports, still.of_laws, *motion)
         motions = list(zip(system.ports, *motion, own, strict=True))
         contacts = [law(i, *motion) for i, motion in enumerate(motions)]
         contact = nothing[:0]
@@ -222,13 +224,9 @@ class CoupledForces(eqx.Module):
         if self.by_terms is not None:
             given = given + product(self.by_terms, signals)
         ahead = lambda part: jnp.concatenate([part, nothing[p:]])
-        none = jnp.zeros_like(others.bodies)
-        spinning = turning.speed + others.bodies_rate
-        bodies = others.bodies, spinning, none
-        now = Kinematics(turning, none, none, none, *bodies, others.states)
-        r = now.back * ahead(place)
-        drift = now.back * ahead(velocity) - 1j * turning.speed * r
-        now = now._replace(r=r, drift=drift, absolute=jnp.zeros_like(r))
+        r = still.back * ahead(place)
+        drift = still.back * ahead(velocity) - 1j * turning.speed * r
+        now = still._replace(r=r, drift=drift, absolute=jnp.zeros_like(r))
         spin, moments = None, self.moments
         if self.free:
             drive = drive_of(system)

@@ -59,5 +59,7 @@ class Kinematics(NamedTuple):
 
     @property
     def of_laws(self) -> Now:
-        """Speed, angle and states that laws are given."""
-        return Now(self.turning.speed, self.turning.angle, self.states)
+        """What laws are given of the rotation, and states."""
+        angle, speed, *rest = self.turning
+        known = dict(zip(("acceleration", "time"), rest, strict=True))
+        return Now(speed, angle, self.states, **known)

@@ -7,7 +7,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Complex
+from jaxtyping import Array
 
 from ..core.blocks import Blocks, Load
 from ..core.quantities import Scalar
@@ -26,6 +26,7 @@ from ..scene import Scene
 from ..shafts.cased import line_of
 from ..shafts.line import AbstractLine
 from ..shafts.virtual import VirtualLine
+from .other_unbalance import OtherUnbalance
 from .speed_tables import at_own_speed, parts_with_tables
 
 
@@ -47,7 +48,7 @@ def assemble_load(scene: Scene, line: AbstractLine, blocks: Blocks) -> Load:
     return sum(found.values(), Load())
 
 
-def loads_of_others(scene: Scene, line: AbstractLine) -> tuple["OtherUnbalance", ...]:
+def loads_of_others(scene: Scene, line: AbstractLine) -> tuple[OtherUnbalance, ...]:
     """Unbalance of every shaft but the first one, each with its own speed."""
     found = []
     for shaft in coaxial_shafts(scene.effects):
@@ -60,7 +61,7 @@ def loads_of_others(scene: Scene, line: AbstractLine) -> tuple["OtherUnbalance",
                 "only the first shaft of a scene can have it."
             )
         if load.unbalance is not None:
-            found.append(OtherUnbalance(shaft.ratio, shaft.speed, load.unbalance, shaft.name))
+            found.append(OtherUnbalance(shaft.clock, load.unbalance, shaft.name))
     return tuple(found)
 
 
@@ -130,20 +131,8 @@ def _linear_parts(scene: Scene, line: AbstractLine) -> Parts:
         return found.of_shaft(own.ratio, own.speed)
 
     effects = _of_groups(scene, scene.of(AbstractLinear), blocks)
-    return {("the shaft",): scene.shaft.blocks(line)} | effects
-
-
-class OtherUnbalance(eqx.Module):
-    """`(Omega_k^2 - i Omega_k.) column exp(i theta_k)`, `Omega_k = ratio Omega + speed` of a shaft."""
-
-    ratio: Scalar
-    speed: Scalar | None  # [rad/s]; None: zero
-    column: Complex[Array, " r"]
-    name: str = eqx.field(static=True)  # of the shaft
-
-    def at(self, speed: Scalar) -> Scalar:
-        """Speed of this shaft [rad/s], by that of the first one."""
-        return self.ratio * speed + (0.0 if self.speed is None else self.speed)
+    own = line_of(line, scene.name) if scene.shafts else line
+    return {("the shaft",): scene.shaft.blocks(own)} | effects
 
 
 class OverSpeed(eqx.Module):

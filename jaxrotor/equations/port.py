@@ -13,7 +13,7 @@ from jaxtyping import Array, Float
 from ..core.extremes import larger
 from ..core.lanes import computed_once
 from ..core.quantities import Scalar
-from ..effects.law import AbstractLaw, Branch, Now, States
+from ..effects.law import AbstractLaw, Branch, Clock, Now, States
 
 
 Branches = tuple[Float[Array, "_ _ ..."], ...]  # (k, c) of every stack of k laws of equal structure
@@ -36,6 +36,7 @@ class Port(eqx.Module):
     places: tuple[int, ...] = eqx.field(static=True, default=())
     # Number of the port whose motion its laws are given as that of their sensor; None: they have none:
     reads: int | None = eqx.field(static=True, default=None)
+    clock: Clock | None = None  # of the shaft of its laws, where that is not the first one
 
     def begin(self) -> States:
         """States of all laws at the start of a motion, stack by stack."""
@@ -90,7 +91,7 @@ class Port(eqx.Module):
                 stop = start + count_of(stack) * len(stack.states)
                 own, start = now.state[start:stop], stop
                 state = own.reshape(-1, len(stack.states), *own.shape[1:])
-            yield stack, Now(now.speed, angle, state, now.sensor)
+            yield stack, now._replace(angle=angle, state=state, branch=None)
 
     def _of_stacks(self, each: Float[Array, "k ..."]) -> Iterator[Array]:
         """Parts of an array of all laws, stack by stack."""
@@ -258,7 +259,8 @@ def of_each(
         state = now.state[np.array(port.places, int)] if now.state is not None else None
         read = port.reads
         seen = None if read is None else (displacement[read], velocity[read])
-        yield now._replace(state=state, sensor=seen)
+        own = now if port.clock is None else port.clock.of(now)
+        yield own._replace(state=state, sensor=seen)
 
 
 def of_all(ports: Sequence[Port], each: Iterable[Array]) -> States:

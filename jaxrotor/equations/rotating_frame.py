@@ -169,10 +169,11 @@ class Transient(eqx.Module):
         drift = massless.velocity(now.drift, lambda drift: imbalance(now._replace(drift=drift)))
         if massless.undamped is not None:
             # d/dt of `A r + b = 0`: the change of `A` and `b` is balanced by `A r.`
-            angle, speed, acceleration = now.turning
+            angle, speed, acceleration = now.turning[:3]
 
             def at(angle: Array, speed: Array, r: Array) -> Array:
-                return imbalance(now._replace(turning=Turning(angle, speed, acceleration), r=r))
+                turning = now.turning._replace(angle=angle, speed=speed)
+                return imbalance(now._replace(turning=turning, r=r))
 
             _, rate = jax.jvp(at, (angle, speed, now.r), (speed, acceleration, drift))
             constant = imbalance(now._replace(r=0 * now.r))
@@ -205,11 +206,11 @@ class Transient(eqx.Module):
     def _turning(self, time: Scalar, y: RotatingState) -> Turning:
         """Rotation now; the acceleration of a spin with feedback is a first estimate."""
         if not y.speed.size:
-            angle, speed, acceleration = self.system.spin.turning(time, self.system.blocks.polar)
-            return Turning(self.begin + angle, speed, acceleration)
+            known = self.system.spin.turning(time, self.system.blocks.polar)
+            return known._replace(angle=self.begin + known.angle, time=time)
         speed = self.rate * y.speed[0]
         torque = drive_of(self.system).moment(speed, self.sense)
-        return Turning(y.angle[0], speed, self._acceleration(torque))
+        return Turning(y.angle[0], speed, self._acceleration(torque), time)
 
     def _acceleration(self, torque: Array) -> Array:
         """`Omega.` under a torque [N m], zero where the spin is held."""

@@ -20,6 +20,7 @@ from ..effects.base import (
     AbstractUnequal,
 )
 from ..effects.law import AbstractLaw, Now, States
+from ..effects.layout import coaxial_shafts
 from ..effects.places import of_first_order
 from ..scene import Scene
 from ..shafts.cased import ends, line_of
@@ -27,8 +28,8 @@ from ..shafts.line import AbstractLine
 from ..spins.base import AbstractSpin
 from ..spins.constant import constant
 from .massless_coordinates import Massless
+from .other_unbalance import OtherUnbalance
 from .parts import (
-    OtherUnbalance,
     OverSpeed,
     Parts,
     assemble_blocks,
@@ -77,7 +78,8 @@ class System(eqx.Module):
     tabled: Scene | None = None  # the scene, where coefficients depend on the speed
     free: bool = eqx.field(static=True, default=False)  # in a rigid motion, see `unheld`
     over_speed: OverSpeed | None = None  # see there
-    others: tuple[OtherUnbalance, ...] = ()  # of the shafts beside the first one
+    # Unbalance of the shafts beside the first one; in time it acts by further ports, no contacts:
+    others: tuple[OtherUnbalance, ...] = ()
     # Whether laws by "turns" repeat in a revolution of the motion, see `AbstractLaw.period`:
     repeats: bool = eqx.field(static=True, default=False)
 
@@ -166,7 +168,7 @@ class System(eqx.Module):
     @property
     def _order(self) -> Array:
         """Laws in the order of the scene's contacts."""
-        return jnp.asarray(sorted(range(len(self.members)), key=self.members.__getitem__))
+        return jnp.asarray(sorted(range(len(self.members)), key=self.members.__getitem__), int)
 
 
 def assemble(scene: Scene, together: tuple[tuple[int, ...], ...] | None = None) -> System:
@@ -195,6 +197,7 @@ def _assembled(scene: Scene, together: tuple[tuple[int, ...], ...]) -> System:
     every = [owned[i].law if i in owned else one.law() for i, one in enumerate(contacts)]
     first = np.cumsum([0, *(len(law.states) for law in every)])
     ports, members = [], []
+    clocks = {one.name: one.clock for one in coaxial_shafts(scene.effects)}
     for group in together:
         stacks: dict = {}
         for i in group:
@@ -206,7 +209,8 @@ def _assembled(scene: Scene, together: tuple[tuple[int, ...], ...]) -> System:
         row, column = ends(lines[group[0]], at, on) if own_port is None else own_port[:2]
         laws = tuple(_stack([every[i] for i in stack]) for stack in stacks.values())
         places = tuple(int(k) for i in own for k in range(first[i], first[i + 1]))
-        ports.append(Port(row, column, at, laws, on=on, places=places))
+        clock = clocks.get(contacts[group[0]].shaft)
+        ports.append(Port(row, column, at, laws, on=on, places=places, clock=clock))
         members += own
     for i, group in enumerate(together):  # sensors: ports without laws, which follow all others
         sensor, on = sensor_of(contacts[group[0]]), contacts[group[0]].on
@@ -214,6 +218,10 @@ def _assembled(scene: Scene, together: tuple[tuple[int, ...], ...]) -> System:
             ports[i] = dataclasses.replace(ports[i], reads=len(ports))
             row, column = ends(lines[group[0]], sensor, on)
             ports.append(Port(row, 0 * column, sensor, (), on=on))
+    others = loads_of_others(scene, line)
+    if scene.in_time:
+        ports += [port for one in others for port in one.ports()]
+        others = ()
     races = []
     for b in scene.of(AbstractBodies):
         own = line_of(line, b.shaft)
@@ -232,7 +240,7 @@ def _assembled(scene: Scene, together: tuple[tuple[int, ...], ...]) -> System:
         deviators=tuple(_deviators(scene, line, parts)),
         tabled=scene if has_tables(scene) else None,
         over_speed=OverSpeed.of(scene, line, parts),
-        others=loads_of_others(scene, line),
+        others=others,
     )
 
 

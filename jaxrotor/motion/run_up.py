@@ -14,7 +14,7 @@ from ..core.compiled import compiled
 from ..core.pilot import Pilot, refined
 from ..core.progress import waiting
 from ..core.quantities import known
-from ..effects.base import AbstractBodies, AbstractContact
+from ..effects.base import AbstractBodies, AbstractCoaxial, AbstractContact
 from ..equations.rotating_frame import massless_of
 from ..equations.speed_tables import check_tables, has_tables
 from ..equations.start import AbstractStart, Balls, Continued, Launch
@@ -99,9 +99,10 @@ def run_up(
     """
     times = _checked_times(times)
     launch = Launch.of(start)
+    check_given(scene)
+    asked, (scene, stations) = scene, scene.to_simulate(at)
     begun = after(scene, launch)
     check_tables_along(begun, times)
-    stations = scene.stations(at)
     system = assemble(begun)
     why = ASKED if solver is not None else "by default"
     if solver is None and controller is None and adjoint is None:
@@ -155,7 +156,17 @@ def run_up(
     if isinstance(scene.spin, Drive) and known(motion.run.turning.speed):
         scene.spin.check_drag(motion.run.turning.speed)
     name = solver_name(plan.solver)
-    return _result(scene, times, stations, motion, (name, f"{name} {why}"), pilots)
+    return _result(asked, times, stations, motion, (name, f"{name} {why}"), pilots)
+
+
+def check_given(scene: Scene) -> None:
+    """Raise if a scene of several shafts has a drive that the rotor holds back."""
+    if scene.shafts and not scene.spin.given:
+        raise ValueError(
+            "The drive of the scene is held back by the rotor, but there are several shafts "
+            f"({', '.join(scene.shafts)}), whose torques are not known apart; give the speed in time, by "
+            "a SpeedProfile or a Drive without `feedback`."
+        )
 
 
 def walls(scene: Scene) -> str:
@@ -275,7 +286,12 @@ def check_tables_along(scene: Scene, times: Any) -> None:
 
 def after(scene: Scene, launch: Launch) -> Scene:
     """The scene with the spin that it has from the time of a launch on."""
-    spin = scene.spin.after(launch.time, launch.speed)
+    spin, phases = scene.spin.after(launch.time, launch.speed), {}
+    for shaft in scene.of(AbstractCoaxial):
+        if shaft.speed is not None:  # of what does not turn by the angle of the first shaft
+            begun = 0.0 if shaft.phase is None else shaft.phase
+            phases[f"{scene.name_of(shaft)}.phase"] = begun + shaft.speed * launch.time
+    scene = scene.put(phases) if phases else scene
     return scene if spin is scene.spin else eqx.tree_at(lambda scene: scene.spin, scene, spin)
 
 
@@ -352,7 +368,7 @@ def _motion(
 
 
 def _result(scene, times, stations, motion: _Motion, named: tuple[str, str], pilots) -> TimeHistory:
-    angle, speed, acceleration = motion.run.turning
+    angle, speed, acceleration = motion.run.turning[:3]
     return TimeHistory(
         time=times,
         angle=angle,

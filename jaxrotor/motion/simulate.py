@@ -166,16 +166,18 @@ def _by_revolutions(
 
     `measured` says that a pilot has found the steps to be enough.
     """
+    asked = scene
+    scene, stations = scene.to_simulate(at)
     groups = port_groups(scene)
     system, why = system_of_march(scene, assemble(scene, groups), solver, start)
     if system is None:
         options |= {"solver": solver, "start": start, "at": at, "progress": progress}
-        found = _by_times(scene, counts, revolution_rate(scene, period), options)
+        found = _by_times(asked, counts, revolution_rate(scene, period), options)
         why = why if solver is None else ASKED
         return dataclasses.replace(found, method=f"{found.solver} {why}")
     revolutions, keep, steps = counts
     start = shaft_of(start, "Motion by `revolutions`")
-    stations, rate = scene.stations(at), revolution_rate(scene, period)
+    rate = revolution_rate(scene, period)
     solver, pilots = with_shapes(solver, [system], [rate], stations, tolerance)
     plan = Plan(
         choose(solver, system, rate, start),
@@ -226,7 +228,7 @@ def _by_revolutions(
         stopped=jnp.asarray(jnp.inf),
         end=Launch(Continued(*end)),
         unresolved=good.unresolved,
-        scene=scene,
+        scene=asked,
         solver=solver_name(plan.solver),
         method=f"{solver_name(plan.solver)} {why}",
         steps_per_revolution=steps,

@@ -50,7 +50,11 @@ class Schedule(eqx.Module):
             acceleration = spin.turning(time + length * share, self.polar).acceleration
         nodes = jnp.arange(count)[:, None] * 2 + np.arange(3)
         angle, speed = self.angle + now.angle, now.speed[nodes]
-        rotation = KnownRotation(angle[nodes] if self.clocks else None, speed, speed - self.centre)
+        rotation = KnownRotation(None, speed, speed - self.centre)
+        if self.clocks:
+            read = time + length * share
+            others = acceleration[nodes], read[nodes]
+            rotation = KnownRotation(angle[nodes], speed, speed - self.centre, *others)
         values = [jnp.zeros((count, 0))]
         if self.unbalanced:
             g = unbalance_factor(now.speed, acceleration) * direction(angle)
@@ -157,8 +161,8 @@ class SteppedRotor(eqx.Module):
         """Rotation at a time [s]; of a free spin without its acceleration."""
         if self.forces is not None:
             return self.forces.turning(Instant.at(jnp.asarray(time)), others)
-        angle, speed, acceleration = turning(self.system, jnp.asarray(time))
-        return Turning(self.angle + angle, speed, acceleration)
+        now = turning(self.system, jnp.asarray(time))
+        return now._replace(angle=self.angle + now.angle, time=jnp.asarray(time))
 
 
 class Path(eqx.Module):

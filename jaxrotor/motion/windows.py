@@ -213,7 +213,8 @@ class WindowMarch(AbstractMarch):
         motion = z[:, :1], z[:, 1:], None, None, None
         window = Window(*motion, self.length, jnp.sign(speed[-1]), times, speed, bodies, states)
         read = self.plan.contacts and system.ports
-        return window, Now(speed, turning.angle, others.states) if read else None
+        known = {"acceleration": turning.acceleration, "time": times}
+        return window, Now(speed, turning.angle, others.states, **known) if read else None
 
     def _forces(self, ports: Float[Array, "T p4 ..."], now: Now) -> Complex[Array, "T k ..."]:
         """Forces of all contacts by the readings of the ports [N]."""

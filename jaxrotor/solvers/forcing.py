@@ -83,6 +83,8 @@ class KnownRotation(NamedTuple):
     angle: Float[Array, "3 ..."] | None  # theta [rad]; None: no law asks for it
     speed: Float[Array, "3 ..."]  # Omega [rad/s]
     change: Float[Array, "3 ..."]  # Omega - Omega_c
+    acceleration: Float[Array, "3 ..."] | None = None  # [rad/s^2]; None: no law asks for the angle
+    time: Float[Array, "3 ..."] | None = None  # [s], likewise
 
 
 class AbstractWholeMotion(AbstractForcing):
@@ -154,7 +156,7 @@ class AlongTimes(AbstractWholeMotion):
 
     def of_laws(self, node, x):
         del x
-        return Now(node.speed, node.angle)
+        return Now(node.speed, node.angle, acceleration=node.acceleration, time=node.time)
 
 
 def _motion(seen: Float[Array, "p4 ..."]) -> tuple[Array, Array]:
@@ -253,7 +255,8 @@ class Coupled(AbstractWholeMotion):
     def of_laws(self, node, x):
         others = self.sizes.named(x)
         turning = self._turning(node, others)
-        return Now(turning.speed, turning.angle, others.states)
+        known = {"acceleration": turning.acceleration, "time": turning.time}
+        return Now(turning.speed, turning.angle, others.states, **known)
 
     def _turning(self, node: Instant, others: AuxiliaryState) -> Turning:
         """Rotation now, with rates by the time on this side of a jump."""

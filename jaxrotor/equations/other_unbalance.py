@@ -1,0 +1,58 @@
+"""Unbalance of the shafts beside the first one: a load at another clock."""
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Complex
+
+from ..core.plane import cosine_and_sine
+from ..core.quantities import Number, Scalar
+from ..effects.law import AbstractSmoothLaw, Clock, Hardness, Now, Plane
+from .port import Port
+
+
+class OtherUnbalance(eqx.Module):
+    """`(Omega_k^2 - i Omega_k.) column exp(i theta_k)` of a shaft, by its clock."""
+
+    clock: Clock
+    column: Complex[Array, " r"]
+    name: str = eqx.field(static=True)  # of the shaft
+
+    def ports(self) -> list[Port]:
+        """Ports by which it acts in time, one for each part of a complex column that is there."""
+        parts = [(self.column.real, 0.0), (self.column.imag, jnp.pi / 2)]
+        return [
+            Port(
+                jnp.zeros(column.size),
+                column,
+                jnp.zeros(()),
+                (UnbalanceLaw(jnp.full((1,), phase)),),
+                clock=self.clock,
+            )
+            for column, phase in parts
+        ]
+
+
+class UnbalanceLaw(AbstractSmoothLaw):
+    """`(Omega^2 - i Omega.) exp(i (theta + phase))` [1/s^2], whatever the motion."""
+
+    phase: Scalar  # [rad]
+
+    clock = "turns"
+
+    @property
+    def elementwise(self) -> bool:
+        return True
+
+    def __call__(self, displacement: Plane, velocity: Plane, now: Now) -> Plane:
+        del velocity
+        cos, sin = cosine_and_sine(now.angle + self.phase)
+        square, rise = now.speed**2, 0.0 if now.acceleration is None else now.acceleration
+        force = [square * cos + rise * sin, square * sin - rise * cos]
+        return jnp.stack(force) + 0 * displacement
+
+    def torque(self, force: Plane, displacement: Plane, velocity: Plane, now: Now) -> Number:
+        return 0 * displacement[0]
+
+    def hardness(self) -> Hardness:
+        zero = jnp.zeros_like(self.phase)
+        return Hardness(zero, zero, jnp.zeros(2), zero)
