@@ -2,7 +2,7 @@
 
 import dataclasses
 import itertools
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import equinox as eqx
@@ -30,6 +30,7 @@ from .effects.layout import (
     Layout,
     Placed,
     check_shafts,
+    check_simulated,
     coaxial_shafts,
     placed,
     seen_stations,
@@ -37,7 +38,7 @@ from .effects.layout import (
 from .effects.places import check_casing, check_casings, names_beside
 from .shafts.cased import CasedLine
 from .shafts.coaxial import CoaxialLine
-from .shafts.line import NODES, AbstractLine, AbstractShaft
+from .shafts.line import AbstractLine, AbstractShaft
 from .spins.base import AbstractSpin
 from .spins.constant import constant
 
@@ -159,17 +160,7 @@ class Scene(eqx.Module):
         return self.seen(at)[0]
 
     def seen(self, at: Any = None) -> tuple[Float[Array, " s"], tuple[str | None, ...]]:
-        """Stations as of `stations`, and the shaft of each; None: there is only one.
-
-        Args:
-            at: as of `stations`.
-
-        Returns:
-            The stations [m] along the axis, and the names.
-
-        Raises:
-            ValueError: As of `stations`, or if there are several shafts and a station names none.
-        """
+        """Stations [m] as of `stations`, and the name of the shaft of each; None: there is only one."""
         return seen_stations(self.placed(), self.shafts, self.effects, at)
 
     def to_simulate(self, at: Any = None) -> tuple["Scene", Float[Array, " s"]]:
@@ -177,11 +168,7 @@ class Scene(eqx.Module):
         stations, shafts = self.seen(at)
         if not self.shafts:
             return self, stations
-        if len(set(shafts)) > 1:
-            raise ValueError(
-                "A motion in time is observed at stations of one shaft, but `at` names "
-                f"{' and '.join(sorted(map(str, set(shafts))))}; simulate once for each."
-            )
+        check_simulated(shafts, given=self.spin.given)
         return with_values(self, observed=shafts[0], in_time=True), stations
 
     def at_speed(self, speed: ArrayLike) -> "Scene":
@@ -398,16 +385,6 @@ class Scene(eqx.Module):
         raise ValueError(
             f"The scene has no parameter `{path}`{suggest(path, table)}; it has: {', '.join(alike)}."
         )
-
-
-def with_shared_nodes(scene: Scene, paths: Iterable[str]) -> Scene:
-    """The scene for all values of the parameters at some `paths`, which one program serves.
-
-    Stations and the shaft decide nodes that are "auto"; where one of these varies, every span has 8.
-    """
-    decides = any(path.startswith("shaft.") or path.endswith(".at") for path in paths)
-    varies = decides and getattr(scene.shaft, "nodes", None) == "auto"
-    return scene.with_nodes(NODES) if varies else scene
 
 
 def _addresses(scene: Scene) -> Mapping[str, list[Address]]:

@@ -11,6 +11,7 @@ from ..core.blocks import Blocks
 from ..core.extremes import bounded, largest
 from ..core.quantities import Scalar, check, known
 from ..effects import AbstractLinear, Support
+from ..effects.layout import check_one_shaft
 from ..equations.parts import assemble_load
 from ..equations.speed_tables import at_own_speed
 from ..scene import Scene
@@ -56,6 +57,7 @@ def first_moments(scene: Scene, about: ArrayLike = 0.0) -> FirstMoments:
 
     Source: Newton-Euler equations of a rigid rotor, eqs. (3), (9) of `turbine-run-up`.
     """
+    check_one_shaft(scene.shafts, "`first_moments`")
     line = VirtualLine.resultant(scene.line(), jnp.asarray(about, float))
     found = assemble_load(scene, line, Blocks()).unbalance
     return FirstMoments(*(jnp.zeros(2, complex) if found is None else found))
@@ -95,6 +97,7 @@ def bearing_stations(scene: Scene) -> Float[Array, " b"]:
     Returns:
         Stations [m], ascending, without repeats.
     """
+    check_one_shaft(scene.shafts, "`bearing_stations`")
     shaft = scene.shaft
     if isinstance(shaft, MasslessShaft):  # any supports are at its ends
         held = [0.0, shaft.length]

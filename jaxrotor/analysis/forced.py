@@ -12,6 +12,7 @@ from ..core.compiled import compiled_quickly
 from ..core.quantities import Scalar, known, nonnegative, real
 from ..core.tables import RPM, largest_rows, notebook_table
 from ..effects import AbstractBodies, AbstractContact, Disc
+from ..effects.layout import check_one_shaft
 from ..equations.pencil import Pencil, check_axes, frame, isotropic
 from ..equations.rigid_motions import check_constant_load
 from ..equations.system import System, assemble, structure
@@ -201,6 +202,7 @@ def forced_response(scene: Scene, frequencies, force: HarmonicForce, at=None) ->
         ValueError: the scene has contact, some unequal axes stand still and others turn, a station is
             off the shaft, or a frequency is an undamped resonance.
     """
+    check_one_shaft(scene.shafts, "`forced_response`")
     check_linear(scene)
     scene = ending_span(scene, scene.stations(force.at)[0])
     frequencies, places = _cases(scene, frequencies, force.at if at is None else at)
@@ -230,6 +232,7 @@ def steady_state(scene: Scene) -> tuple[Complex[Array, " n"], Complex[Array, " n
 
     Source: Azarov, Gouskov, Panovko (2023), eq. (9); Klochkov, eqs. (4), (8).
     """
+    check_one_shaft(scene.shafts, "`steady_state`")
     check_linear(scene)
     _cases(scene, 0.0, None)
     if scene.of(AbstractBodies):

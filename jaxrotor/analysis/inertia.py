@@ -7,6 +7,7 @@ from jaxtyping import Array, ArrayLike, Complex, Float
 
 from ..core.quantities import Scalar
 from ..effects import Disc
+from ..effects.layout import check_one_shaft
 from ..scene import Scene
 from ..shafts import FlexibleShaft
 from .balancing import first_moments
@@ -40,6 +41,7 @@ def mass_properties(scene: Scene, about: ArrayLike = 0.0) -> MassProperties:
 
     Source: course project of `turbine-run-up`, eqs. (3)-(7), with its errata 6 to 10 and 15.
     """
+    check_one_shaft(scene.shafts, "`mass_properties`")
     if isinstance(scene.shaft, FlexibleShaft):
         raise ValueError(
             "A flexible shaft bends and has mass of its own; `mass_properties` is for a RigidShaft."

@@ -14,8 +14,9 @@ from scipy.optimize import elementwise
 
 from ..core.checks import in_order
 from ..core.compiled import compiled
+from ..equations.shared_nodes import with_shared_nodes
 from ..equations.speed_tables import has_whirl_tables
-from ..scene import Scene, with_shared_nodes
+from ..scene import Scene
 from .growth import EDGES, STEPS, growth_of, undamped_side, why_unknown
 from .linearized import check_linear
 from .whirl_tables import OverWhirl

@@ -7,6 +7,7 @@ from jaxtyping import Array, Float
 from ..core import linalg
 from ..core.compiled import compiled_quickly
 from ..core.quantities import Scalar, check, known
+from ..effects.layout import check_one_shaft
 from ..effects.places import of_first_order
 from ..equations.pencil import check_alike
 from ..equations.system import System, assemble
@@ -47,6 +48,7 @@ def reduction(scene: Scene, at) -> Reduction:
 
     Source: Brysin, Nikiforov (2019), eqs. (7)-(10).
     """
+    check_one_shaft(scene.shafts, "`reduction`")
     check_linear(scene)
     if owners := of_first_order(scene.effects):
         names = ", ".join(map(scene.name_of, owners))

@@ -16,6 +16,7 @@ from jaxtyping import Array, Bool, Complex, Float
 
 from ..core.quantities import Scalar, known
 from ..effects import AbstractBodies, AbstractContact, AnnularStator
+from ..effects.layout import check_one_shaft
 from ..equations.pencil import Pencil, check_alike, check_moves, eigenvalues
 from ..equations.system import System, structure
 from ..scene import Scene
@@ -142,6 +143,7 @@ def ring_of(scene: Scene, what: str) -> AnnularStator:
 
     `what` begins the message, "A full rub" for example.
     """
+    check_one_shaft(scene.shafts, what)
     rings, contacts = scene.of(AnnularStator), scene.of(AbstractContact)
     if len(rings) != 1 or len(contacts) != 1:
         raise ValueError(

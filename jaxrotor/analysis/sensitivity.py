@@ -17,6 +17,7 @@ from ..core.roots import implicit_root, sign_change
 from ..core.tables import notebook_table
 from ..effects import LinearMagneticBearing
 from ..effects.base import AbstractContact
+from ..effects.layout import check_one_shaft
 from ..equations.constant_frame import of_axes
 from ..equations.pencil import Pencil, check_axes, eigenvalues, frame, unequal_parts
 from ..equations.system import System, assemble
@@ -99,6 +100,7 @@ def sensitivity(scene: Scene, frequencies: Any = None) -> Sensitivity:
 
     Source: ISO 14839-3 (2006), Mechanical vibration: rotating machinery with active magnetic bearings.
     """
+    check_one_shaft(scene.shafts, "`sensitivity`")
     check_linear(scene)
     bearings = scene.of(LinearMagneticBearing)
     if not bearings:

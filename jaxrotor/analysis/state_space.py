@@ -10,6 +10,7 @@ from ..core import linalg
 from ..core.checks import check_counts
 from ..core.compiled import compiled_quickly
 from ..effects.base import AbstractBodies, AbstractContact
+from ..effects.layout import check_one_shaft
 from ..equations.pencil import ROUNDING, Pencil, isotropic
 from ..equations.stationary_frame import check_known_in_time
 from ..equations.system import System, assemble, structure
@@ -51,6 +52,7 @@ def state_space(scene: Scene, forces=None, displacements=None, modes: int | None
 
     Source: Genta (2005), section 2.7.
     """
+    check_one_shaft(scene.shafts, "`state_space`")
     from scipy.signal import StateSpace
 
     check_linear(scene)

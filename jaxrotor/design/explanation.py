@@ -14,7 +14,8 @@ from ..core.compiled import compiled, compiled_quickly
 from ..core.constants import with_arrays
 from ..core.quantities import Scalar
 from ..effects import AbstractContact
-from ..scene import Scene, with_shared_nodes
+from ..equations.shared_nodes import with_shared_nodes
+from ..scene import Scene
 from .bounds import Bounds, bounds, own_value
 from .evidence import Posterior, posterior, residual_test, total_evidence
 from .fit import as_measured, check_enough

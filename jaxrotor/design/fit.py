@@ -14,7 +14,8 @@ from ..core.checks import check_counts
 from ..core.progress import waiting
 from ..core.quantities import Scalar
 from ..core.tables import notebook_table
-from ..scene import Scene, with_shared_nodes
+from ..equations.shared_nodes import with_shared_nodes
+from ..scene import Scene
 from .bounds import Bounds, bounds, check_paths, own_value
 from .minimum import Minimum, minima
 from .records import AbstractRecord, FittedStart, is_of_start, with_starts, without_starts

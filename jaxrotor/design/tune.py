@@ -14,7 +14,8 @@ from ..core.parallel import cores, spread
 from ..core.progress import progress as bar
 from ..core.quantities import Scalar
 from ..core.tables import notebook_table
-from ..scene import Scene, with_shared_nodes
+from ..equations.shared_nodes import with_shared_nodes
+from ..scene import Scene
 from .bounds import Bounds, bounds, check_paths
 from .descent import AbstractDescent, descent
 from .iterates import FLAT, Iterates

@@ -29,6 +29,7 @@ class AbstractEffect(AbstractPart):
     )
     strains: ClassVar[bool] = False  # whether it damps the strain of the shaft
     along_shaft: ClassVar[bool] = False  # whether it acts all along a shaft
+    by_speed: ClassVar[bool] = False  # whether its force depends on the speed of what it stands on
 
     # Name of the shaft it sits on, in a scene of several; `at=("hp", 0.3)` gives it, too:
     shaft: str | None = eqx.field(default=None, static=True, kw_only=True)

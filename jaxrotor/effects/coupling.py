@@ -33,6 +33,7 @@ class Coupling(AbstractLinear, AbstractLoad):
 
     kind: ClassVar[str] = "coupling"
     plural: ClassVar[str] = "couplings"
+    by_speed: ClassVar[bool] = True
     holds_shaft: ClassVar[bool] = True
 
     at: Scalar = nonnegative("at [m]")
@@ -123,6 +124,7 @@ class OldhamCoupling(AbstractLinear, AbstractLoad):
 
     kind: ClassVar[str] = "oldham_coupling"
     plural: ClassVar[str] = "oldham_couplings"
+    by_speed: ClassVar[bool] = True
 
     at: Scalar = nonnegative("at [m]")
     mass: Scalar = nonnegative("mass [kg]")  # of the floating disc

@@ -41,6 +41,7 @@ class JournalBearing(AbstractFilm):
 
     kind: ClassVar[str] = "journal_bearing"
     plural: ClassVar[str] = "journal_bearings"
+    by_speed: ClassVar[bool] = True
     turning: ClassVar[bool] = True
 
     at: Scalar = nonnegative("at [m]")

@@ -157,6 +157,30 @@ def check_stations(
     return stations
 
 
+def check_one_shaft(shafts: Sequence[str], what: str) -> None:
+    """Raise if a scene has several shafts; `what` is for one."""
+    if shafts:
+        raise ValueError(
+            f"{what} is for scenes of one shaft, but this one has several ({', '.join(shafts)}); take "
+            "`roots`, `critical_speeds`, `campbell`, `unbalance_response`, `simulate` or `sweep`."
+        )
+
+
+def check_simulated(observed: Sequence[str | None], *, given: bool) -> None:
+    """Raise unless stations are of one shaft, and the speed of a scene of several is given in time."""
+    if len(set(observed)) > 1:
+        raise ValueError(
+            "A motion in time is observed at stations of one shaft, but `at` names "
+            f"{' and '.join(sorted(map(str, set(observed))))}; simulate once for each."
+        )
+    if not given:
+        raise ValueError(
+            "The drive of the scene is held back by the rotor, but there are several shafts, whose "
+            "torques are not known apart; give the speed in time, by a SpeedProfile or a Drive without "
+            "`feedback`."
+        )
+
+
 def check_shafts(effects: Effects, name: str | None) -> None:
     """Raise unless shafts have names of their own, and every part names that on which it sits."""
     beside = [one.name for one in coaxial_shafts(effects)]
@@ -184,11 +208,28 @@ def check_shafts(effects: Effects, name: str | None) -> None:
                 f"The {effect.kind} {_where(effect)}must name its shaft, {_either(names)}, as in "
                 f"`at=({names[0]!r}, 0.3)` or `shaft={names[0]!r}`, but names {effect.shaft!r}."
             )
+        if getattr(effect, "on", None) in names:
+            _check_joint(effect)
         if getattr(effect, "on", None) == effect.shaft:
             raise ValueError(
                 f"The {effect.kind} {_where(effect)}is between a shaft, {effect.shaft!r}, and itself; "
                 "name another one by `on`, or a casing, or leave it out."
             )
+
+
+def _check_joint(effect: AbstractEffect) -> None:
+    """Raise if an effect between two shafts would need the speeds of both."""
+    friction = getattr(effect, "friction", None)
+    if friction is not None and not (known(friction) and float(friction) == 0):
+        raise ValueError(
+            f"The {effect.kind} {_where(effect)}is between two shafts and has friction, whose sense needs "
+            "the speeds and radii of both; leave `friction [1]` out, or set it to 0."
+        )
+    if effect.by_speed:
+        raise ValueError(
+            f"The {effect.kind} {_where(effect)}is between two shafts, but its force depends on the speed "
+            "of one; take a Support with its coefficients, or stand it on the ground or on a casing."
+        )
 
 
 def _where(effect: AbstractEffect) -> str:

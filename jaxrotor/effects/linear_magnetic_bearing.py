@@ -28,6 +28,7 @@ class LinearMagneticBearing(AbstractOwnCoordinates):
 
     kind: ClassVar[str] = "linear_magnetic_bearing"
     plural: ClassVar[str] = "linear_magnetic_bearings"
+    by_speed: ClassVar[bool] = True
     holds_shaft: ClassVar[bool] = True
 
     at: Scalar = nonnegative("at [m]")

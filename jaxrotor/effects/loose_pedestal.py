@@ -38,6 +38,7 @@ class LoosePedestal(AbstractLinear, AbstractCasing, AbstractContact):
 
     kind: ClassVar[str] = "loose_pedestal"
     plural: ClassVar[str] = "loose_pedestals"
+    by_speed: ClassVar[bool] = True
     rebounds: ClassVar[bool] = True
 
     name: str = eqx.field(static=True)  # by which supports refer to it

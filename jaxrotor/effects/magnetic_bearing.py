@@ -38,6 +38,7 @@ class MagneticBearing(AbstractContact):
 
     kind: ClassVar[str] = "magnetic_bearing"
     plural: ClassVar[str] = "magnetic_bearings"
+    by_speed: ClassVar[bool] = True
     walled: ClassVar[bool] = True
 
     at: Scalar = nonnegative("at [m]")

@@ -39,6 +39,7 @@ class Seal(AbstractFluid, AbstractLinear):
 
     kind: ClassVar[str] = "seal"
     plural: ClassVar[str] = "seals"
+    by_speed: ClassVar[bool] = True
     turning: ClassVar[bool] = True
 
     at: Scalar = nonnegative("at [m]")

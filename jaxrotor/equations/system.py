@@ -147,7 +147,8 @@ class System(eqx.Module):
         contacts = [part for block, part in self.owners if block == "contact"]
         # Ports of unequal axes follow, which are no contacts; linear equations have no ports left.
         numbers = sorted(i for i, good in zip(self.members, passed, strict=False) if good)
-        return phrase(contacts[i] for i in numbers)
+        beside = any(passed[len(self.members) :])
+        return phrase([*(contacts[i] for i in numbers), *["unbalance of another shaft"] * beside])
 
     def contact_forces(
         self, displacement: Array, velocity: Array, now: Now

@@ -16,6 +16,7 @@ from ..core.plane import direction
 from ..core.quantities import known
 from ..core.tables import largest_rows, notebook_table
 from ..effects import AbstractContact, Support
+from ..effects.layout import check_one_shaft
 from ..equations.forces import (
     applied_force,
     body_force,
@@ -137,6 +138,7 @@ def reactions(response: TimeHistory) -> Reactions:
 
     Source: course project of `turbine-run-up`, Newton-Euler equations (9) with its errata.
     """
+    check_one_shaft(response.scene.shafts, "`reactions`")
     scene = response.scene
     if owners := [scene.name_of(one) for one in scene.of(AbstractContact) if one.own_port]:
         raise ValueError(

@@ -99,7 +99,6 @@ def run_up(
     """
     times = _checked_times(times)
     launch = Launch.of(start)
-    check_given(scene)
     asked, (scene, stations) = scene, scene.to_simulate(at)
     begun = after(scene, launch)
     check_tables_along(begun, times)
@@ -157,16 +156,6 @@ def run_up(
         scene.spin.check_drag(motion.run.turning.speed)
     name = solver_name(plan.solver)
     return _result(asked, times, stations, motion, (name, f"{name} {why}"), pilots)
-
-
-def check_given(scene: Scene) -> None:
-    """Raise if a scene of several shafts has a drive that the rotor holds back."""
-    if scene.shafts and not scene.spin.given:
-        raise ValueError(
-            "The drive of the scene is held back by the rotor, but there are several shafts "
-            f"({', '.join(scene.shafts)}), whose torques are not known apart; give the speed in time, by "
-            "a SpeedProfile or a Drive without `feedback`."
-        )
 
 
 def walls(scene: Scene) -> str:

@@ -18,6 +18,7 @@ from ..core.compiled import QUICKLY
 from ..core.plane import plane
 from ..core.quantities import Scalar, known
 from ..effects.law import Now
+from ..effects.layout import check_one_shaft
 from ..equations.pencil import check_alike, check_moves
 from ..equations.start import Continued
 from ..equations.stationary_frame import RUN_UP, check_no_balls
@@ -118,6 +119,7 @@ def harmonic_balance(
     Source: Cameron, Griffin (1989), Journal of Applied Mechanics 56, 149-154; Krack, Gross (2019),
     Harmonic Balance for Nonlinear Vibration Problems, chapter 2.
     """
+    check_one_shaft(scene.shafts, "`harmonic_balance`")
     check_counts(harmonics=harmonics, revolutions=revolutions, max_iterations=max_iterations)
     if harmonics < revolutions:
         raise ValueError(

@@ -16,6 +16,7 @@ from ..core.outcome import Outcome
 from ..core.progress import progress as bar, segments
 from ..core.tables import notebook_table
 from ..effects.base import AbstractContact
+from ..effects.layout import check_one_shaft
 from ..equations.start import AbstractStart, AtRest, Continued
 from ..equations.system import assemble, port_groups
 from ..motion.rebounds import Rebounds, in_revolutions
@@ -113,6 +114,7 @@ def lyapunov(
     Chaos, Solitons and Fractals 5, 1671-1681; weights: Das, Saiki, Sander, Yorke (2017), Nonlinearity
     30, eq. (2).
     """
+    check_one_shaft(scene.shafts, "`lyapunov`")
     solver = Exponential(4, located=True) if solver is None else solver
     check_counts(revolutions=revolutions, count=count, steps_per_revolution=steps_per_revolution)
     check_counts(0, settle=settle)

@@ -15,6 +15,7 @@ from ..core.checks import check_counts
 from ..core.compiled import QUICKLY, compiled_quickly
 from ..core.progress import waiting
 from ..core.quantities import known
+from ..effects.layout import check_one_shaft
 from ..equations.start import AbstractStart, Continued
 from ..equations.system import System, assemble, port_groups
 from ..motion.history import TimeHistory
@@ -101,6 +102,7 @@ def periodic(
 
     Source: Parker, Chua (1989), Practical Numerical Algorithms for Chaotic Systems, sections 5.2, 5.3.
     """
+    check_one_shaft(scene.shafts, "`periodic`")
     solver = Exponential(4, located=True) if solver is None else solver
     check_counts(steps_per_revolution=steps_per_revolution, max_iterations=max_iterations)
     check_constant(scene, "`periodic`", turning=True)

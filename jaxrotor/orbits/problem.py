@@ -20,11 +20,12 @@ from ..core.compiled import QUICKLY
 from ..core.plane import plane
 from ..core.quantities import Scalar
 from ..effects.rub import AbstractRub
+from ..equations.shared_nodes import with_shared_nodes
 from ..equations.start import Continued
 from ..equations.system import System, assemble, phrase, port_groups
 from ..motion.base import Plan
 from ..motion.revolutions import Outcome, joined
-from ..scene import Scene, with_shared_nodes
+from ..scene import Scene
 from ..shafts.cased import same_shape
 from ..solvers.choice import choose, solver_name
 from ..solvers.exponential import Exponential

@@ -16,6 +16,7 @@ from ..core.outcome import failed, too_long
 from ..core.parallel import Threads, chunk_size, cores, first_alone
 from ..core.progress import progress as bar, segments
 from ..effects.base import AbstractContact
+from ..effects.layout import check_one_shaft
 from ..equations.system import assemble, structure
 from ..files.toml import loads
 from ..motion.base import Plan
@@ -114,6 +115,7 @@ def classify(
     check_repeatable(dataset, "classified", "have no revolutions to classify.")
     solver = Exponential(4, located=True) if solver is None else solver
     first, points = _context(dataset)
+    check_one_shaft(first.scene.shafts, "`classify`")
     context = _following(first, solver, steps_per_revolution)
     size = chunk_size(len(points), lanes_per_chunk, cores(workers))
     chunks = [np.arange(i, min(i + size, len(points))) for i in range(0, len(points), size)]

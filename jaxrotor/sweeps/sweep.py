@@ -21,13 +21,14 @@ from ..core.progress import progress as bar
 from ..effects.base import AbstractBodies
 from ..equations.massless_coordinates import Massless
 from ..equations.rotating_frame import massless_in_steps
+from ..equations.shared_nodes import with_shared_nodes
 from ..equations.start import AbstractStart
 from ..equations.system import assemble, structure
 from ..motion.base import Plan
 from ..motion.revolutions import check_constant_speed, check_weight, revolution_rate
 from ..motion.simulate import chosen_steps, with_nodes
 from ..results.provenance import chosen
-from ..scene import Scene, with_shared_nodes
+from ..scene import Scene
 from ..solvers.choice import checked_solver, with_shapes
 from ..solvers.exponential import Exponential
 from .axes import (
@@ -159,6 +160,7 @@ def sweep(
     _check_carry(carry, kick, scene)
     _check_precision(precision)
     over = over if carry is None else with_carried_first(over, carry, error_sample or 0)
+    station, scene = _station(scene, at), scene.to_simulate(at)[0]
     start = start_of_lanes(scene, start, paths_of(over))
     scene, pilots = with_nodes(scene, nodes, tolerance)
     axes = checked_axes(scene, start, over, period, revolve=along is None)
@@ -175,7 +177,6 @@ def sweep(
         settle, keep, steps = windows_of(along)
     elif "spin.speed" not in columns:
         revolution_rate(scene, period)
-    station = _station(scene, at)
     massless = None
     if pace is None:
         solver, massless, more = _solver_of(scene, solver, pilot_lanes, station, period, tolerance)
