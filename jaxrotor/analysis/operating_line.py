@@ -9,7 +9,7 @@ speeds `Omega` of the first one: `det( K - c_k^2 M + c_k (Sum c_j G_j + Omega Su
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
 from ..core import linalg
 from ..core.quantities import Scalar, known
@@ -70,7 +70,7 @@ class OperatingLine(eqx.Module):
 
 def whirls_by(
     scene: Scene, system: System, line: OperatingLine
-) -> tuple[Float[Array, " c"], Float[Array, " c"]]:
+) -> tuple[Float[Array, " c"], Int[Array, " c"]]:
     """Critical speeds by the unbalance of a shaft, and 0 of forward, 1 of backward whirl; unordered.
 
     Speeds are those of the shaft, in its sense, or of the first shaft where it is not tied to that.

@@ -1,6 +1,7 @@
 """Unbalance of the shafts beside the first one: a load at another clock."""
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Complex
 
@@ -25,7 +26,7 @@ class OtherUnbalance(eqx.Module):
                 jnp.zeros(column.size),
                 column,
                 jnp.zeros(()),
-                (UnbalanceLaw(jnp.full((1,), phase)),),
+                (jax.tree.map(lambda leaf: leaf[None], UnbalanceLaw(jnp.asarray(phase))),),
                 clock=self.clock,
             )
             for column, phase in parts

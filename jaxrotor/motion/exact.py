@@ -6,9 +6,10 @@ import numpy as np
 from jaxtyping import Array, Complex, Float, Inexact
 
 from ..core.quantities import Scalar
+from ..effects.law import Now
 from ..equations.constant_frame import ConstantFrame
 from ..equations.fixed_axes import FixedAxes
-from ..equations.pencil import steady_response
+from ..equations.pencil import Pencil, isotropic, steady_response
 from ..equations.system import System
 from ..solvers.basis import ModalBasis, SlotBasis, packed, unpacked
 from ..solvers.phi import phi_dense
@@ -22,6 +23,7 @@ def has_steady_motion(system: System, values: np.ndarray, rate: float) -> bool:
     frequencies = [] if system.load.constant is None else [0.0]
     if system.load.unbalance is not None:
         frequencies.append(float(system.spin.speed) / rate)
+    frequencies += [float(one.clock.speed(system.spin.speed)) / rate for one in system.others]
     return all(np.abs(1j * one - values).min() > NEAR for one in frequencies)
 
 
@@ -40,7 +42,7 @@ def exact_motion(
     Without a modal basis it is advanced from time to time, of one distance if they are `even`.
     """
     axes = FixedAxes.of(system, rate)
-    steady = _steady(system, axes, angle + system.spin.speed * times)
+    steady = _steady(system, axes, angle + system.spin.speed * times, times)
     deviation = axes.state(*begin) - steady[0]
     if basis is None:
         states = _by_exponentials(axes.matrix, rate * jnp.diff(times), deviation, even=even)
@@ -74,8 +76,10 @@ def _by_exponentials(
     return jnp.concatenate([begin[None], jax.lax.scan(one, begin, lengths)[1]])
 
 
-def _steady(system: System, axes: FixedAxes, phases: Float[Array, " T"]) -> Inexact[Array, "T m"]:
-    """States of the steady response by the angles of rotation.
+def _steady(
+    system: System, axes: FixedAxes, phases: Float[Array, " T"], times: Float[Array, " T"]
+) -> Inexact[Array, "T m"]:
+    """States of the steady response by the angles of rotation, and by the times of other shafts.
 
     Each is a sum of a few states, so that no sine is taken for every coordinate.
     """
@@ -94,7 +98,24 @@ def _steady(system: System, axes: FixedAxes, phases: Float[Array, " T"]) -> Inex
             parts.append((one, frame.still))
         if frame.cos is not None and frame.sin is not None:
             parts += [(jnp.cos(phases), frame.cos), (jnp.sin(phases), jnp.sign(speed) * frame.sin)]
+    for other in system.others:
+        now = other.clock.of(Now(speed, phases, time=times))
+        ahead, back = _response(system, now.speed, now.speed**2 * other.column)
+        total, apart = ahead + back, 1j * (ahead - back)
+        parts += [
+            (jnp.cos(now.angle), axes.state(total, now.speed * apart)),
+            (jnp.sin(now.angle), axes.state(apart, -now.speed * total)),
+        ]
     if not parts:
         return jnp.zeros((phases.size, axes.matrix.shape[0]), axes.matrix.dtype)
     values, states = (jnp.stack(each) for each in zip(*parts, strict=True))
     return values.T @ states
+
+
+def _response(system: System, frequency: Scalar, force: Array) -> tuple[Array, Array]:
+    """`q, b` of the motion `q exp(i w t) + b exp(-i w t)` under `force exp(i w t)`, along fixed axes."""
+    pencil = Pencil.of(system)
+    if isotropic(system.blocks):
+        return pencil.response(frequency, force), jnp.zeros_like(force)
+    q, b = jnp.split(pencil.response(frequency, jnp.concatenate([force, 0 * force])), 2)
+    return q, b.conj()

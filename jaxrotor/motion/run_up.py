@@ -27,7 +27,7 @@ from ..spins.drive import Drive
 from .choice import ASKED, default_solver, steps_along
 from .history import TimeHistory, named_states
 from .rebounds import Rebounds
-from .stepped import Stepping, stepping_of
+from .stepped import Stepping, stepping_of, without_steps
 from .transient import Integrated, Integration, controller_for, integrate
 
 
@@ -101,6 +101,8 @@ def run_up(
     launch = Launch.of(start)
     asked, (scene, stations) = scene, scene.to_simulate(at)
     begun = after(scene, launch)
+    if controller is None and adjoint is None:
+        begun = without_steps(begun, times, launch, solver)
     check_tables_along(begun, times)
     system = assemble(begun)
     why = ASKED if solver is not None else "by default"

@@ -242,7 +242,8 @@ def _by_times(
     """Motion by whole revolutions along the times of their samples."""
     revolutions, keep, steps = counts
     check_integrated(options["solver"])
-    options["solver"] = options["solver"] or default_solver(scene)
+    if not scene.shafts:  # whose clocks are stepped along times
+        options["solver"] = options["solver"] or default_solver(scene)
     count = jnp.arange(keep * steps + 1)
     times = 2 * jnp.pi / rate * (revolutions - keep + count / steps)
     most = options["max_steps"]  # the default is that of motions along times

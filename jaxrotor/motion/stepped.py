@@ -17,16 +17,17 @@ from jaxtyping import Array, Float, Int
 from ..core.checks import check_counts
 from ..core.compiled import compiled_quickly
 from ..core.extremes import larger
-from ..core.quantities import Scalar, Series, known
+from ..core.quantities import Scalar, Series, known, with_values
+from ..effects.base import AbstractBodies, AbstractContact
 from ..equations.constant_frame import linear_matrix
 from ..equations.fixed_axes import depends_on_speed
 from ..equations.start import Launch
-from ..equations.system import System
+from ..equations.system import System, assemble
 from ..scene import Scene
 from ..solvers.basis import Basis, Count, DenseBasis, modal, well_conditioned
 from ..solvers.exponential import Exponential
 from ..spins.constant import ConstantSpeed
-from .choice import check_steppable
+from .choice import check_steppable, steps_along
 from .exact import has_steady_motion
 from .speeds import coupled_steps, expected_speed, steps_between
 
@@ -209,3 +210,16 @@ def _modal_bases(
     centres, rate = _centres(system, breaks, span, count)
     one = lambda speed: modal(linear_matrix(system.at_speed(speed), rate))
     return jax.lax.map(one, centres)
+
+
+def without_steps(scene: Scene, times: Any, launch: Launch, solver: Any) -> Scene:
+    """A scene of several shafts with their unbalance as loads, not forces, if its motion is exact."""
+    moved = scene.of(AbstractContact) or scene.of(AbstractBodies)
+    if not scene.in_time or moved or not isinstance(scene.spin, ConstantSpeed):
+        return scene
+    plain = with_values(scene, in_time=False)
+    system = assemble(plain)
+    steps = steps_along(plain, system, times)[0] if solver is None else solver
+    if not isinstance(steps, Exponential):
+        return scene
+    return plain if stepping_of(plain, times, steps, None, system, launch).exact else scene

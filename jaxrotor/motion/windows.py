@@ -220,7 +220,8 @@ class WindowMarch(AbstractMarch):
         """Forces of all contacts by the readings of the ports [N]."""
         system = self.rotor.system
         samples = ports.reshape(len(ports), 2, 2, len(system.ports), *ports.shape[2:])
-        return contact_forces(system, samples, now, cast(Any, Now)(0, 0, 0))
+        sampled = cast(Any, Now)(0, 0, 0, acceleration=0, time=0)
+        return contact_forces(system, samples, now, sampled)
 
 
 def window_of(samples: int) -> int:
