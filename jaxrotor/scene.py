@@ -3,7 +3,7 @@
 import dataclasses
 import itertools
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, cast
 
 import equinox as eqx
 import jax
@@ -81,15 +81,18 @@ class Scene(eqx.Module):
         name: str | None = None,
     ):
         if isinstance(shaft, Mapping):
-            (name, shaft), *others = shaft.items()
+            (name, first), *others = shaft.items()
             effects = (*(with_values(one, name=k, shaft=k) for k, one in others), *effects)
-        check_kind(shaft, AbstractShaft, "The first argument of a scene", "a shaft")
+        else:
+            first = shaft
+        first = cast(AbstractShaft, first)
+        check_kind(first, AbstractShaft, "The first argument of a scene", "a shaft")
         lists: Any = (one if isinstance(one, list | tuple) else (one,) for one in effects)
         members: tuple[AbstractEffect, ...] = tuple(itertools.chain.from_iterable(lists))
         for effect in members:
             check_kind(effect, AbstractEffect, "Each effect of a scene", "an effect")
         check_kind(spin, AbstractSpin, "`spin`", "a spin such as ConstantSpeed(300.0)")
-        self.shaft, self.effects, self.spin, self.assumption = shaft, members, spin, assumption
+        self.shaft, self.effects, self.spin, self.assumption = first, members, spin, assumption
         self.name = name
         check_shafts(members, name)
         check_casings(members, self.shafts)
@@ -348,8 +351,8 @@ class Scene(eqx.Module):
                 for depth in range(1, len(address)):
                     check_invariants(follow(scene, address[:depth]), path)
         every = scene.placed()
-        stations = [own.known_stations for own in every]
-        if any(own is None for own in stations):
+        stations = [one for own in every if (one := own.known_stations) is not None]
+        if len(stations) < len(every):
             return scene
         pairs = zip(every, stations, self.layouts, strict=True)
         same = all(own.spans(there) == layout.spans for own, there, layout in pairs)

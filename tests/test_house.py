@@ -174,7 +174,10 @@ def test_core_knows_no_concrete_effect_or_shaft(path):
         ("effects", "law"),
         ("effects", "places"),
         ("effects", "layout"),
-        *(("shafts", name) for name in ("line", "cased", "hinge", "virtual")),
+        *(
+            ("shafts", name)
+            for name in ("line", "cased", "coaxial", "constraint", "hinge", "virtual")
+        ),
     }
     known = {there for there in imports(path)[0] if there[0] in ("effects", "shafts")}
     assert known <= allowed
@@ -191,6 +194,7 @@ def test_capabilities_know_no_effect():
                 for name in [
                     "base",
                     "law",
+                    "places",
                     "coefficients",
                     "controller",
                     "rub",

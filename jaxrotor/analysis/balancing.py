@@ -55,6 +55,9 @@ def first_moments(scene: Scene, about: ArrayLike = 0.0) -> FirstMoments:
     Returns:
         `FirstMoments` u [kg m] and J [kg m^2] in the axes of the rotor. Differentiable.
 
+    Raises:
+        ValueError: If the scene has several shafts.
+
     Source: Newton-Euler equations of a rigid rotor, eqs. (3), (9) of `turbine-run-up`.
     """
     check_one_shaft(scene.shafts, "`first_moments`")
@@ -96,6 +99,9 @@ def bearing_stations(scene: Scene) -> Float[Array, " b"]:
 
     Returns:
         Stations [m], ascending, without repeats.
+
+    Raises:
+        ValueError: If the scene has several shafts.
     """
     check_one_shaft(scene.shafts, "`bearing_stations`")
     shaft = scene.shaft

@@ -141,7 +141,7 @@ class FittedStart(AbstractEffect):
     kind: ClassVar[str] = "start"
     plural: ClassVar[str] = "starts"
 
-    shaft: AbstractStart
+    shaft: Any = None  # an `AbstractStart`; of other effects, the name of their shaft
 
 
 def read(z: Array, angle: Array | None) -> Array:

@@ -49,7 +49,7 @@ class Clock(eqx.Module):
         return own if self.excess is None else own + self.excess
 
     def of(self, now: Now) -> Now:
-        """What laws on this shaft are given, by what those on the first one are."""
+        """Speed, angle and states for laws on this shaft, by those for laws on the first one."""
         angle, acceleration = now.angle, now.acceleration
         if angle is not None:
             angle = self.ratio * angle

@@ -9,7 +9,7 @@ from jaxtyping import Array, Float
 from ..core.quantities import Scalar, known
 from ..shafts.line import NODES, AbstractLine, AbstractShaft, Attached
 from .base import AbstractCoaxial, AbstractContact, AbstractEffect
-from .places import check_hinges, check_yield, count_held, has_hinges
+from .places import check_hinges, check_yield, count_held, has_hinges, station_of
 
 
 Effects = tuple[AbstractEffect, ...]
@@ -101,11 +101,6 @@ def coaxial_shafts(effects: Effects) -> list[AbstractCoaxial]:
     return [one for one in effects if isinstance(one, AbstractCoaxial)]
 
 
-def station_of(effect: AbstractEffect) -> Any:
-    """Station of an effect [m]; None if it has none."""
-    return getattr(effect, "at", None)
-
-
 def seen_stations(
     every: Sequence[Placed], names: Sequence[str], effects: Effects, at: Any
 ) -> tuple[Float[Array, " s"], tuple[str | None, ...]]:
@@ -186,7 +181,7 @@ def check_shafts(effects: Effects, name: str | None) -> None:
     beside = [one.name for one in coaxial_shafts(effects)]
     if not beside:
         for effect in effects:
-            if effect.shaft is not None and effect.shaft != name:
+            if isinstance(effect.shaft, str) and effect.shaft != name:
                 raise ValueError(
                     f"The {effect.kind} is on a shaft {effect.shaft!r}, but the scene has one shaft "
                     "without a name; give the shafts by their names, `Scene({'lp': .., 'hp': ..}, ..)`."
@@ -201,7 +196,7 @@ def check_shafts(effects: Effects, name: str | None) -> None:
             )
     for effect in effects:
         needs = station_of(effect) is not None or effect.along_shaft
-        if isinstance(effect, AbstractCoaxial) or not needs and effect.shaft is None:
+        if isinstance(effect, AbstractCoaxial) or not needs and not isinstance(effect.shaft, str):
             continue
         if effect.shaft not in names:
             raise ValueError(

@@ -1,6 +1,7 @@
 """Places: where the effects of a scene may stand, and what stands beside its shaft."""
 
 from collections.abc import Sequence
+from typing import Any
 
 from ..core.checks import suggest
 from ..core.quantities import known
@@ -64,6 +65,11 @@ def check_casing(name: str, names: Sequence[str]) -> None:
 
 
 # === stations
+
+
+def station_of(effect: AbstractEffect) -> Any:
+    """Station of an effect [m]; None if it has none."""
+    return getattr(effect, "at", None)
 
 
 def count_held(effects: tuple[AbstractEffect, ...]) -> int:

@@ -59,7 +59,7 @@ class Kinematics(NamedTuple):
 
     @property
     def of_laws(self) -> Now:
-        """What laws are given of the rotation, and states."""
+        """Rotation and states, as laws are given them."""
         angle, speed, *rest = self.turning
         known = dict(zip(("acceleration", "time"), rest, strict=True))
         return Now(speed, angle, self.states, **known)

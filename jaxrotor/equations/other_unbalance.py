@@ -1,5 +1,7 @@
 """Unbalance of the shafts beside the first one: a load at another clock."""
 
+from typing import Any, ClassVar, cast
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -36,9 +38,9 @@ class OtherUnbalance(eqx.Module):
 class UnbalanceLaw(AbstractSmoothLaw):
     """`(Omega^2 - i Omega.) exp(i (theta + phase))` [1/s^2], whatever the motion."""
 
-    phase: Scalar  # [rad]
+    clock: ClassVar = "turns"
 
-    clock = "turns"
+    phase: Scalar  # [rad]
 
     @property
     def elementwise(self) -> bool:
@@ -46,7 +48,7 @@ class UnbalanceLaw(AbstractSmoothLaw):
 
     def __call__(self, displacement: Plane, velocity: Plane, now: Now) -> Plane:
         del velocity
-        cos, sin = cosine_and_sine(now.angle + self.phase)
+        cos, sin = cosine_and_sine(cast(Any, now.angle) + self.phase)
         square, rise = now.speed**2, 0.0 if now.acceleration is None else now.acceleration
         force = [square * cos + rise * sin, square * sin - rise * cos]
         return jnp.stack(force) + 0 * displacement

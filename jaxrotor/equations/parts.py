@@ -122,11 +122,11 @@ def blocks_of_parts(scene: Scene, line: AbstractLine) -> Parts:
 
 def _linear_parts(scene: Scene, line: AbstractLine) -> Parts:
     """Blocks of the shaft and of every group of linear effects."""
-    beside = {one.name: one for one in coaxial_shafts(scene.effects)}
+    beside: dict[str, Any] = {one.name: one for one in coaxial_shafts(scene.effects)}
 
     def blocks(effect: AbstractLinear) -> Blocks:
         found = at_own_speed(scene, effect).blocks(line_of(line, effect.shaft))
-        if (own := beside.get(effect.shaft)) is None:
+        if (own := beside.get(effect.shaft or "")) is None:
             return found
         return found.of_shaft(own.ratio, own.speed)
 

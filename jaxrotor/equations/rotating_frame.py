@@ -210,7 +210,7 @@ class Transient(eqx.Module):
             return known._replace(angle=self.begin + known.angle, time=time)
         speed = self.rate * y.speed[0]
         torque = drive_of(self.system).moment(speed, self.sense)
-        return Turning(y.angle[0], speed, self._acceleration(torque), time)
+        return Turning(y.angle[0], speed, self._acceleration(torque), jnp.asarray(time))
 
     def _acceleration(self, torque: Array) -> Array:
         """`Omega.` under a torque [N m], zero where the spin is held."""

@@ -1,5 +1,7 @@
 """Exact motion of a linear rotor at constant speed, at any times."""
 
+from typing import Any
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -99,7 +101,7 @@ def _steady(
         if frame.cos is not None and frame.sin is not None:
             parts += [(jnp.cos(phases), frame.cos), (jnp.sin(phases), jnp.sign(speed) * frame.sin)]
     for other in system.others:
-        now = other.clock.of(Now(speed, phases, time=times))
+        now: Any = other.clock.of(Now(speed, phases, time=times))
         ahead, back = _response(system, now.speed, now.speed**2 * other.column)
         total, apart = ahead + back, 1j * (ahead - back)
         parts += [

@@ -166,8 +166,7 @@ def _by_revolutions(
 
     `measured` says that a pilot has found the steps to be enough.
     """
-    asked = scene
-    scene, stations = scene.to_simulate(at)
+    asked, (scene, stations) = scene, scene.to_simulate(at)
     groups = port_groups(scene)
     system, why = system_of_march(scene, assemble(scene, groups), solver, start)
     if system is None:

@@ -125,9 +125,10 @@ def ends(
     row, column = row_of(line, place), column_of(line, place)
     if on is None:
         return row, column
+    there: Scalar | str = on
     if on in shafts_of(line):
-        line, on = line_of(line, on), place
-    return row - row_of(line, on), column - column_of(line, on)
+        line, there = line_of(line, on), place
+    return row - row_of(line, there), column - column_of(line, there)
 
 
 def slope_ends(
