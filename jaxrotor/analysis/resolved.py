@@ -21,10 +21,11 @@ def resolved(scene: Scene, count: int | None) -> Scene:
     layouts = []
     for own, layout in zip(scene.placed(), scene.layouts, strict=True):
         shaft, stations = own.shaft, own.known_stations
-        if isinstance(shaft, FlexibleShaft) and shaft.nodes == "auto" and not layout.attached:
-            if stations is not None and all(map(known, jax.tree.leaves(shaft))):
-                held, modes = count_held(own.effects), math.ceil(count / 2)
-                needed = shaft.resolution(stations, layout.spans, held, modes)
-                layout = layout._replace(resolution=needed)
+        decided = stations is not None and all(map(known, jax.tree.leaves(shaft)))
+        automatic = decided and not layout.attached
+        if automatic and isinstance(shaft, FlexibleShaft) and shaft.nodes == "auto":
+            held, modes = count_held(own.effects), math.ceil(count / 2)
+            needed = shaft.resolution(stations or (), layout.spans, held, modes)
+            layout = layout._replace(resolution=needed)
         layouts.append(layout)
     return with_values(scene, layouts=tuple(layouts))
