@@ -380,7 +380,7 @@ class Scene(eqx.Module):
 
     def _find(self, path: str) -> list[Address]:
         table = _addresses(self)
-        for alias in (path, *aliases(path, self.effects)):
+        for alias in (path, *aliases(path, self.effects, self.name)):
             if alias in table:
                 return table[alias]
         head = path.partition(".")[0]

@@ -8,6 +8,7 @@ from jaxrotor import (
     BallBalancer,
     BallContact,
     Casing,
+    CoaxialShaft,
     ConstantSpeed,
     Constraint,
     Coupling,
@@ -172,10 +173,12 @@ ROLLING = [
 BESIDE = [
     Casing("pedestal", 3.0),
     LoosePedestal("block", 3.0, 3e4, 9.0, 2e4),
-]  # a mass beside the shaft, which a support has to hold
+    CoaxialShaft(FlexibleShaft(0.4, 0.04), 1.3, start=0.2, name="outer"),
+]  # a mass or a shaft beside the shaft, which a support has to hold
 STRENGTHS = {
     "casing": (),  # its supports, see tests/effects/test_casing.py
     "loose_pedestal": (),
+    "coaxial_shaft": (),
     "disc": ("mass", "diametral", "polar"),
     "unbalance": ("eccentricity",),
     "gravity": ("acceleration",),

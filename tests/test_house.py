@@ -200,6 +200,7 @@ def test_capabilities_know_no_effect():
                     "rub",
                     "film",
                     "film_pressure",
+                    "places",
                 ]
             }  # no effects
             assert known <= shared, f"{path.stem} imports another effect."

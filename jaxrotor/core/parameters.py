@@ -52,9 +52,20 @@ def _addresses(structure: Any, parts: tuple[str, ...], members: str) -> Addresse
     return table
 
 
-def aliases(path: str, members: Iterable[Any]) -> list[str]:
-    """Other spellings of a path: with the singular or plural of its kind, and without the index 0."""
+def aliases(path: str, members: Iterable[Any], first: str | None = None) -> list[str]:
+    """Other spellings of a path: with the singular or plural of its kind, and without the index 0.
+
+    `shafts.hp.length` is that of a member with this name and a `body`, or of the `first` shaft.
+    """
     head, _, rest = path.partition(".")
+    if head == "shafts":
+        name, _, leaf = rest.partition(".")
+        bodies = [one for one in members if hasattr(one, "body")]
+        groups = [f"{one.plural}.{i}" for i, one in enumerate(bodies) if one.name == name]
+        if len(bodies) == 1:
+            groups = [one.kind for one in bodies if one.name == name]
+        own = [f"{group}.{part}" for group in groups for part in (leaf, f"body.{leaf}")]
+        return [f"shaft.{leaf}"] if name == first else own
     names = {m.kind: m.plural for m in members} | {m.plural: m.kind for m in members}
     if head not in names:
         return []

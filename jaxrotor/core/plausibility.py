@@ -161,7 +161,9 @@ class _Doubts:
         """Lengths of the shaft, or of parts, too large for the length that fits their role."""
         for path, (value, unit, _) in self.machine.found.items():
             owner, _, name = path.rpartition(".")
-            if unit != "m" or name == "at" or path == "shaft.length":
+            if unit != "m" or name in ("at", "start") or path == "shaft.length":
+                continue
+            if path.endswith(".body.length"):  # a further shaft, which may be the longer one
                 continue
             if path.startswith("shaft.") != shaft:
                 continue
@@ -296,6 +298,7 @@ class _Doubts:
             for path, one in self.machine.found.items()
             if path.rpartition(".")[2] in ("speed", "speeds", "table_speeds")
             and not (drive and path == "spin.speed")
+            and not path.startswith("coaxial_shaft")  # which has a speed of its own
         }
         for (path, one), (other, table) in itertools.permutations(ranges.items(), 2):
             if not path.startswith("spin.") or not one[1]:

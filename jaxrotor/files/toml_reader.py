@@ -24,12 +24,15 @@ from ..core.quantities import (
     takes_matrix,
     takes_table,
     unit_of,
+    with_values,
 )
+from ..effects import CoaxialShaft
 from ..scene import Scene
 from ..shafts import AbstractShaft
 from ..shafts.materials import NAMED, Material
 from ..spins.base import AbstractSpin
 from ..spins.constant import ConstantSpeed
+from .several_shafts import KEYS, SHAFTS, check_names, named_shaft
 from .units import SceneError, quantity, refuse, show
 from .vocabulary import COUNTS, FORMS, START, TEXTS, Form, kinds, models, repeated
 
@@ -43,6 +46,7 @@ _OTHER_WORDS = {  # for parts, as an engineer may call them
     **dict.fromkeys(("impeller", "wheel", "coupling", "fan", "rotor_core", "point_mass"), "disc"),
     **dict.fromkeys(("foundation", "pedestal", "housing"), "casing"),
     **{"stop": "limiter", "rub_ring": "annular_stator", "weight": "gravity", "speed": "spin"},
+    **dict.fromkeys(("coaxial_shaft", "coaxial_shafts", "shaft2", "second_shaft"), "shafts.hp"),
 }
 
 
@@ -63,8 +67,9 @@ def read(text: str, source: str) -> tuple[Scene, Table]:
 
 def _scene(document: Table, prefix: str) -> Scene:
     """Scene of a document; `prefix` is the start of every path."""
-    named = {name: cls for cls in kinds().values() for name in (cls.kind, cls.plural)}
-    known = (*TEXTS, "shaft", *kinds(), "spin", "sweep")
+    groups = {kind: cls for kind, cls in kinds().items() if cls is not CoaxialShaft}
+    named = {name: cls for cls in groups.values() for name in (cls.kind, cls.plural)}
+    known = (*TEXTS, "shaft", SHAFTS, *groups, "spin", "sweep")
     for key in document:
         if key not in (*known, *named):
             names = {
@@ -75,36 +80,81 @@ def _scene(document: Table, prefix: str) -> Scene:
             own = "" if near else "; a part of your own is known once its class is defined"
             parts = f"{near}; it has: {', '.join(known)}{own}."
             refuse(f"{prefix}{key}", f"is not a part of a scene{parts}")
-    _check_keys(document, document, ("shaft", "spin"), prefix, "scene")
+    several = SHAFTS in document
+    if several and "shaft" in document:
+        refuse(
+            f"{prefix}{SHAFTS}",
+            "stands beside [shaft]; give that a name, too, as [shafts.lp], before the others.",
+        )
+    _check_keys(document, document, (SHAFTS if several else "shaft", "spin"), prefix, "scene")
     for key in TEXTS:
         if not isinstance(document.get(key, ""), str):
             refuse(f"{prefix}{key}", f"must be a text, but is {show(document[key])}.")
-    shaft = _part(document["shaft"], "flexible", models(shafts, AbstractShaft), f"{prefix}shaft")
+    if several:
+        shaft = _shafts(document[SHAFTS], f"{prefix}{SHAFTS}")
+    else:
+        shaft = _part(
+            document["shaft"], "flexible", models(shafts, AbstractShaft), f"{prefix}shaft"
+        )
+    names = tuple(shaft) if isinstance(shaft, dict) else ()
     spin = _part(document["spin"], "constant", models(spins, AbstractSpin), f"{prefix}spin")
     found = []
     for key in (key for key in document if key in named):
         many = isinstance(document[key], list)
         for i, table in enumerate(document[key] if many else [document[key]]):
             here = f"{prefix}{key}.{i}" if many else f"{prefix}{key}"
-            found += _effects(named[key], table, here, spin)
+            found += _effects(named[key], _table(table, here), here, spin, names)
     try:
         return Scene(shaft, *found, spin=spin, assumption=document.get("assumption", ""))
     except ValueError as error:
         raise SceneError(f"{prefix}{error}") from None
 
 
-def _part(value: Any, default: str, models: Mapping[str, type], path: str) -> Any:
-    """Shaft or spin of the class that its `model` names."""
+def _part(
+    value: Any, default: str, models: Mapping[str, type], path: str, more: Iterable[str] = ()
+) -> Any:
+    """Shaft or spin of the class that its `model` names; `more` are further keys that it may have."""
     table = {"model": default} | _table(value, path)
     model = table.pop("model")
     if model not in list(models):
         refuse(f"{path}.model", f"must be {_either(models)}, but is {show(model)}.")
-    return _built(models[model], table, path, f"{model} {path.rpartition(' ')[2]}")
+    noun = "shaft" if f" {SHAFTS}." in path else path.rpartition(" ")[2]
+    return _built(models[model], table, path, f"{model} {noun}", more)
 
 
-def _effects(cls: Any, value: Any, path: str, spin: AbstractSpin) -> Iterator[Any]:
-    """Effects of a table: several if it has `angles`."""
-    table = _table(value, path)
+def _shafts(value: Any, path: str) -> dict[str, Any]:
+    """Shafts by their names, the first one as it is, the others coaxial ones."""
+    tables, found = _table(value, path), {}
+    check_names(list(tables), path)
+    for name, one in tables.items():
+        here = f"{path}.{name}"
+        own = _table(one, here)
+        beside = {key: own.pop(key) for key in KEYS if key in own}
+        if beside and not found:
+            refuse(
+                f"{here}.{next(iter(beside))}",
+                "is that of a further shaft; the first one begins at 0 and turns at the speed of [spin].",
+            )
+        more = KEYS if found else ()
+        body = _part(own, "flexible", models(shafts, AbstractShaft), here, more)
+        if found:
+            numbers = {k: quantity(v, KEYS[k], f"{here}.{k}") for k, v in beside.items()}
+            body = _checked(CoaxialShaft, {"body": body, **numbers}, here)
+        found[name] = body
+    return found
+
+
+def _effects(
+    cls: Any, table: Table, path: str, spin: AbstractSpin, names: tuple[str, ...]
+) -> Iterator[Any]:
+    """Effects of a table: several if it has `angles`; `names` are those of several shafts."""
+    shaft = named_shaft(cls, table, names, path)
+    for effect in _unnamed(cls, table, path, spin):
+        yield effect if shaft is None else with_values(effect, shaft=shaft)
+
+
+def _unnamed(cls: Any, table: Table, path: str, spin: AbstractSpin) -> Iterator[Any]:
+    """Effects of a table that names no shaft."""
     form = next((form for form in FORMS if form.of is cls and table.keys() & form.marks), None)
     if form is not None:
         if "speed" in form.units and isinstance(spin, ConstantSpeed):
@@ -137,11 +187,11 @@ def _formed(form: Form, table: Table, path: str) -> Any:
     return _checked(form.build, values, path)
 
 
-def _built(cls: Any, table: Table, path: str, noun: str) -> Any:
+def _built(cls: Any, table: Table, path: str, noun: str, more: Iterable[str] = ()) -> Any:
     """Module of a class from a table with its fields: quantities, nested modules and plain values."""
-    fields = {field.name: field for field in dataclasses.fields(cls) if field.init}
+    fields = {f.name: f for f in dataclasses.fields(cls) if f.init and f.name != "shaft"}
     required = [n for n, p in inspect.signature(cls).parameters.items() if p.default is p.empty]
-    _check_keys(table, list(fields), required, f"{path}.", noun)
+    _check_keys(table, [*fields, *more], required, f"{path}.", noun)
     values = {}
     for key, value in table.items():
         unit = unit_of(fields[key])

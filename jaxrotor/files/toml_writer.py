@@ -9,9 +9,11 @@ import numpy as np
 
 from .. import shafts, spins
 from ..core.quantities import is_series, is_table, taken_for, takes_table, unit_of
+from ..effects import AbstractEffect, CoaxialShaft
 from ..scene import Scene
 from ..shafts import AbstractShaft
 from ..spins.base import AbstractSpin
+from .several_shafts import KEYS, SHAFTS, placed_text
 from .units import refuse
 from .vocabulary import TEXTS, kinds, models
 
@@ -24,14 +26,34 @@ def dumps(scene: Scene, title: str = "") -> str:
     for key, text in zip(TEXTS, (title, scene.assumption), strict=True):
         if text:
             document[key] = text
-    document["shaft"] = _written(scene.shaft, "shaft", models(shafts, AbstractShaft))
-    for kind in dict.fromkeys(effect.kind for effect in scene.effects):
-        members = [effect for effect in scene.effects if effect.kind == kind]
+    if scene.name is None:
+        document["shaft"] = _written(scene.shaft, "shaft", models(shafts, AbstractShaft))
+    else:
+        named = tomlkit.table(is_super_table=True)
+        named[scene.name] = _written(scene.shaft, "shaft", models(shafts, AbstractShaft))
+        for one in scene.of(CoaxialShaft):
+            named[one.name] = _coaxial(one)
+        document[SHAFTS] = named
+    parts = [effect for effect in scene.effects if not isinstance(effect, CoaxialShaft)]
+    for kind in dict.fromkeys(effect.kind for effect in parts):
+        members = [effect for effect in parts if effect.kind == kind]
         tables = [_written(effect, kind, kinds()) for effect in members]
         name, item = (members[0].plural, tables) if len(tables) > 1 else (kind, tables[0])
         document[name] = tomlkit.item(item)
     document["spin"] = _written(scene.spin, "spin", models(spins, AbstractSpin))
     return tomlkit.dumps(document)
+
+
+def _coaxial(shaft: CoaxialShaft) -> Any:
+    """Table of a shaft beside the first one: its model and own keys among those of its body."""
+    import tomlkit
+
+    table, body = tomlkit.table(), _written(shaft.body, "shaft", models(shafts, AbstractShaft))
+    own = _written(shaft, f"{SHAFTS}.{shaft.name}")
+    for source, keys in ((body, ("model",)), (own, KEYS), (body, body)):
+        for key in (one for one in keys if one in source and one not in table):
+            table.append(key, source.item(key))
+    return table
 
 
 def _written(module: Any, path: str, known: Mapping[str, type] | None = None) -> Any:
@@ -47,7 +69,11 @@ def _written(module: Any, path: str, known: Mapping[str, type] | None = None) ->
             refuse(path, f"cannot be written: no scene file can name a {name}{other}.")
         if model != path:
             table["model"] = model
+    place = placed_text(module) if isinstance(module, AbstractEffect) else None
     for field in (field for field in dataclasses.fields(module) if field.init):
+        if place is not None and field.name in ("at", "shaft"):
+            table["at"] = place
+            continue
         value, unit, here = getattr(module, field.name), unit_of(field), f"{path}.{field.name}"
         if isinstance(value, eqx.Module):
             nested[field.name] = _written(value, here)
