@@ -166,9 +166,12 @@ def _check_undamped(scene: Scene) -> None:
         )
 
 
-def critical_between(scene: Scene, low: float, high: float) -> CriticalSpeeds:
+def critical_between(
+    scene: Scene, low: float, high: float, by: str | None = None
+) -> CriticalSpeeds:
     """Critical speeds of either sense in a range of speeds [rad/s], by rising magnitude.
 
+    Those by a shaft are speeds of the first one, at which the unbalance of that shaft is in resonance.
     A rotor with coordinates of first order has none.
     """
     if of_first_order(scene.effects):
@@ -176,11 +179,20 @@ def critical_between(scene: Scene, low: float, high: float) -> CriticalSpeeds:
         return every.where(np.zeros(len(every.kinds), bool))
     own = float(scene.spin.sense)
     senses = [sense for sense in (1.0, -1.0) if max(sense * low, sense * high) > 0]
-    both = [critical_speeds(scene if s == own else scene.at_speed(s)) for s in senses or [own]]
+    of = lambda s: critical_speeds(scene if s == own else scene.at_speed(s), by=by)
+    both = [_of_first(of(s)) for s in senses or [own]]
     columns = tuple(np.concatenate(parts) for parts in zip(*map(_columns, both), strict=True))
     order = np.argsort(np.abs(columns[0]))
     inside = (columns[0] >= low) & (columns[0] <= high)
     return eqx.tree_at(_columns, both[0], columns).where(order[inside[order]])
+
+
+def _of_first(found: CriticalSpeeds) -> CriticalSpeeds:
+    """Critical speeds by a shaft as speeds of the first one."""
+    if found.line is None:
+        return found
+    first = dataclasses.replace(found.line, by=0, tied=True)
+    return dataclasses.replace(found, speeds=found.line.at(found.speeds)[:, 0], line=first)
 
 
 def critical_if_any(scene: Scene, low: float, high: float) -> CriticalSpeeds | None:

@@ -288,22 +288,35 @@ def ending_span(scene: Scene, at: Scalar) -> Scene:
     return scene
 
 
-def unbalance_system(scene: Scene, at) -> tuple[System, Places]:
-    """Assembled equations and places of `unbalance_response`, for many calls of `radius_and_distance`."""
-    return assemble(synchronous(scene)), Places.of(scene, at)
+def unbalance_system(scene: Scene, at, by: str | None = None) -> "Unbalanced":
+    """Equations, places and shaft of `unbalance_response`, for many calls of `radius_and_distance`."""
+    line = OperatingLine.of(scene, by)
+    other = None if line is None or not line.by else by
+    return Unbalanced(assemble(synchronous(scene)), Places.of(scene, at), other)
+
+
+class Unbalanced(eqx.Module):
+    """A rotor, places on it, and the shaft beside the first one whose unbalance acts; None: the first."""
+
+    system: System
+    places: Places
+    by: str | None = eqx.field(static=True)
 
 
 @compiled_quickly
-def radius_and_distance(
-    rotor: System, places: Places, speed: Scalar
-) -> tuple[Float[Array, " s"], Scalar]:
+def radius_and_distance(rotor: Unbalanced, speed: Scalar) -> tuple[Float[Array, " s"], Scalar]:
     """Major half axes [m] of the response to unbalance at one speed (s,), and distance from resonance.
 
     Where the distance is below `CRITICAL` the response is infinite, for want of damping. See
     `unbalance_system`.
     """
-    case = speed, speed
-    forward, backward, mirrored, _, distance = _parts_at(rotor, case, places, _of_unbalance)
+    frequency, forces = speed, _of_unbalance
+    if rotor.by is not None:
+        clocks = [one.clock for one in rotor.system.others if one.name == rotor.by]
+        frequency = clocks[0].speed(speed) if clocks else speed
+        forces = eqx.Partial(_of_other, rotor.by)
+    case = speed, frequency
+    forward, backward, mirrored, _, distance = _parts_at(rotor.system, case, rotor.places, forces)
     return _major(forward + mirrored, backward), distance
 
 

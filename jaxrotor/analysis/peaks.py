@@ -13,12 +13,12 @@ from ..core.compiled import compiled_quickly
 from ..core.roots import sign_change
 from ..core.tables import RPM, notebook_table
 from ..equations.pencil import isotropic
-from ..equations.system import System, structure
+from ..equations.system import structure
 from ..scene import Scene
 from .critical import CriticalSpeeds, critical_between
 from .forced import (
     HarmonicResponse,
-    Places,
+    Unbalanced,
     radius_and_distance,
     unbalance_response,
     unbalance_system,
@@ -140,7 +140,7 @@ class ResponsePeaks(eqx.Module):
         return notebook_table(f"{len(rows)} peaks of the response {at}", list(columns), rows)
 
 
-def response_peaks(scene: Scene, speeds, at=None) -> ResponsePeaks:
+def response_peaks(scene: Scene, speeds, at=None, by: str | None = None) -> ResponsePeaks:
     """`d |z| / d Omega = 0`: peaks of the response to unbalance, refined, and where they fall by sqrt 2.
 
     A speed of half power lies between a peak and the valley beside it, or the end of the range; where the
@@ -150,8 +150,10 @@ def response_peaks(scene: Scene, speeds, at=None) -> ResponsePeaks:
     Args:
         scene: a rotor without contact.
         speeds: three or more speeds [rad/s], ascending or descending; those of a reversed rotor are
-            negative.
-        at: one station [m] or the name of a casing, by default the observed station of `simulate`.
+            negative; of several shafts those of the first one.
+        at: one station [m] or the name of a casing, by default the observed station of `simulate`; of
+            several shafts `("hp", 0.3)`.
+        by: name of the shaft whose unbalance acts, where there are several, by default the first one.
 
     Returns:
         `ResponsePeaks`. Neither differentiable nor traceable; differentiate `unbalance_response`.
@@ -167,12 +169,12 @@ def response_peaks(scene: Scene, speeds, at=None) -> ResponsePeaks:
         )
     way = 1 if speeds[0] < speeds[-1] else -1
     speeds = speeds[::way]
-    critical = _excited(scene, float(speeds[0]), float(speeds[-1]))
-    rotor = unbalance_system(scene, at)
-    distances = [radius_and_distance(*rotor, speed)[1] for speed in critical.speeds]
+    critical = _excited(scene, float(speeds[0]), float(speeds[-1]), by)
+    rotor = unbalance_system(scene, at, by)
+    distances = [radius_and_distance(rotor, speed)[1] for speed in critical.speeds]
     unbounded = np.array(distances) < CRITICAL
     grid = _united(speeds, np.asarray(critical.speeds), unbounded)
-    found = unbalance_response(scene, grid[::way], at)
+    found = unbalance_response(scene, grid[::way], at, by)
     if found.stations.size != 1:
         raise ValueError(
             f"Peaks are those of one station, but `at` has {found.stations.size}; give one of them."
@@ -183,7 +185,7 @@ def response_peaks(scene: Scene, speeds, at=None) -> ResponsePeaks:
         around = grid[k - 1 : k + 2]
         if not np.any((around[0] <= sharp) & (sharp <= around[2])):
             peak = _summit(rotor, around)
-            distance = radius_and_distance(*rotor, jnp.asarray(peak[0], float))[1]
+            distance = radius_and_distance(rotor, jnp.asarray(peak[0], float))[1]
             if distance < CRITICAL:  # where the rotor loses its stability or regains it
                 rows.append((peak[0], np.inf, peak[0], peak[0]))
                 continue
@@ -194,9 +196,9 @@ def response_peaks(scene: Scene, speeds, at=None) -> ResponsePeaks:
     return ResponsePeaks(found, critical, *table.T)
 
 
-def _excited(scene: Scene, low: float, high: float) -> CriticalSpeeds:
+def _excited(scene: Scene, low: float, high: float, by: str | None) -> CriticalSpeeds:
     """Critical speeds in a range: where orbits are circles, the forward ones, as unbalance is forward."""
-    found = critical_between(scene, low, high)
+    found = critical_between(scene, low, high, by)
     if isotropic(structure(scene).blocks):
         return found.where(np.array(found.kinds) == "forward")
     return found
@@ -223,14 +225,14 @@ def _summits(heights: np.ndarray) -> np.ndarray:
     return np.flatnonzero(rises & falls) + 1
 
 
-def _summit(rotor: tuple[System, Places], speeds: np.ndarray) -> tuple[float, float]:
+def _summit(rotor: Unbalanced, speeds: np.ndarray) -> tuple[float, float]:
     """Speed and amplitude of a maximum between three speeds of which the middle one is the highest.
 
     It is a zero of the slope where the amplitude is at least the largest one known. Where none is found,
     the bracket is narrowed by golden section.
     """
     low, best, high = speeds
-    height = lambda speed: float(radius_and_distance(*rotor, jnp.asarray(speed, float))[0][0])
+    height = lambda speed: float(radius_and_distance(rotor, jnp.asarray(speed, float))[0][0])
     top = height(best)
     for _ in range(NARROWINGS):
         zero = _zero_between(rotor, low, high, np.nan)
@@ -245,13 +247,13 @@ def _summit(rotor: tuple[System, Places], speeds: np.ndarray) -> tuple[float, fl
     return float(best), top
 
 
-def _zero_between(rotor: tuple[System, Places], low: float, high: float, level: float) -> float:
+def _zero_between(rotor: Unbalanced, low: float, high: float, level: float) -> float:
     """See `_zero`."""
-    return float(_zero(*rotor, jnp.asarray([low, high], float), jnp.asarray(level, float)))
+    return float(_zero(rotor, jnp.asarray([low, high], float), jnp.asarray(level, float)))
 
 
 @compiled_quickly
-def _zero(rotor: System, places: Places, ends: Array, level: Array) -> Array:
+def _zero(rotor: Unbalanced, ends: Array, level: Array) -> Array:
     """Speed between two others at which the amplitude has a level, or if that is NaN a maximum.
 
     NaN where the amplitude is not on different sides of the level, or does not rise and then fall.
@@ -259,7 +261,7 @@ def _zero(rotor: System, places: Places, ends: Array, level: Array) -> Array:
 
     @jax.jit  # traced once a program
     def value(speed: Array) -> Array:
-        radius = lambda speed: radius_and_distance(rotor, places, speed)[0][0]
+        radius = lambda speed: radius_and_distance(rotor, speed)[0][0]
         height, slope = jax.jvp(radius, (speed,), (jnp.ones_like(speed),))
         return jnp.where(jnp.isnan(level), slope, height - level)
 
@@ -270,7 +272,7 @@ def _zero(rotor: System, places: Places, ends: Array, level: Array) -> Array:
 
 
 def _half_power(
-    rotor: tuple[System, Places], grid, heights, k: int, peak: tuple[float, float], way: int
+    rotor: Unbalanced, grid, heights, k: int, peak: tuple[float, float], way: int
 ) -> float:
     """Speed of half power on one side of a peak, NaN if the valley or the end comes first."""
     (near, previous), half = peak, HALF_POWER * peak[1]

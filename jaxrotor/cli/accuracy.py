@@ -101,7 +101,7 @@ def accuracy(
     """
     rotor, table = options.scene_with(scene, settings), study(scene)
     start = options.start_with(table, start_radius, start_rate, start_angle)
-    station = options.optional(at, "m", "--at")
+    station = options.place(rotor, at)
     if quantity is Quantity.onset_speed:
         check_held(rotor, "The accuracy of an onset speed")
         measure = measures.OnsetSpeed()

@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sized
 from functools import partial
 from typing import Annotated, Any
 
+import jax.numpy as jnp
 import numpy as np
 import typer
 
@@ -12,6 +13,7 @@ from .. import plot
 from ..analysis import Campbell, campbell as branches_of, critical_speeds
 from ..analysis.critical import critical_if_any
 from ..analysis.modal import KINDS, kind_of_whirl
+from ..analysis.operating_line import OperatingLine
 from ..analysis.resolved import resolved
 from ..analysis.static_instability import static_instability
 from ..core.attributes import variable
@@ -128,6 +130,7 @@ def critical(
     scene: options.SceneName,
     settings: options.Settings = None,
     count: Annotated[int, options.count("Number of each kind, slowest first.")] = 4,
+    by: options.By = None,
     as_json: options.AsJson = False,
 ) -> None:
     """Critical speeds: speeds of rotation that equal a whirl frequency of the undamped rotor.
@@ -136,8 +139,13 @@ def critical(
     of the kinetic energy, and is mixed if neither has: its orbits are nearly straight lines. The last
     column is the share of stations along the shaft that whirl forward. In rolling bearings the stiffness
     is that about the static position, in films and seals that at each speed up to 2.5 times the scene's.
+    Of several shafts they are by the unbalance of one of them, and forward as that turns; the speeds of
+    all shafts are beside.
 
+    ```
     jaxrotor critical limiter-rotor --count 3
+    jaxrotor critical dual-rotor --by hp
+    ```
     """
     rotor = options.scene_with(scene, settings)
     in_films = bool(rotor.of(AbstractFluid))
@@ -145,7 +153,8 @@ def critical(
         rotor, _ = linear_over_speeds(rotor, None, None, _NODES)
     else:
         rotor = linear_at_speed(rotor)
-    found, unstable, free = critical_speeds(rotor, count), static_instability(rotor), unheld(rotor)
+    found = critical_speeds(rotor, count, by=by)
+    unstable, free = static_instability(rotor), unheld(rotor)
     columns = (np.asarray(a).tolist() for a in (found.speeds, found.forward_share, found.senses))
     described = [
         {
@@ -157,6 +166,9 @@ def critical(
         }
         for speed, share, senses in zip(*columns, strict=True)
     ]
+    operating = [] if found.operating is None else np.asarray(found.operating).tolist()
+    for one, speeds in zip(described, operating, strict=False):
+        one["shaft_speeds"] = dict(zip(rotor.shafts, speeds, strict=True))
     pairs = list(zip(found.kinds, described, strict=True))
     kinds = {kind: [one for k, one in pairs if k == kind] for kind in KINDS}
     noted = {"free": free or None, "statically_unstable": unstable or None}
@@ -173,9 +185,16 @@ def critical(
         for kind, one in pairs
     ]
     heads = ("whirl", "undamped [rad/s]", "[rpm]", "[Hz]", "forward energy", "forward stations")
+    if rotor.shafts:  # circles, whose shares are 0 or 100 %
+        heads = (*heads[:4], *(f"{name} [rad/s]" for name in rotor.shafts))
+        turning = [[f"{x:.9g}" for x in one["shaft_speeds"].values()] for _, one in pairs]
+        rows = [(*row[:4], *own) for row, own in zip(rows, turning, strict=True)]
     end = end_of_search(rotor, kinds, count, IN_FILMS if in_films else IN_TABLES)
     notes = {"held": free and f"free: {free}", "statically unstable": unstable, "critical": end}
-    answer.give(as_json, facts, answer.Table(rows, heads, range(1, 6)), answer.filled(notes))
+    notes["by"] = rotor.shafts and f"unbalance of {by or rotor.shafts[0]}"
+    facts |= {"by": by or rotor.shafts[0]} if rotor.shafts else {}
+    numbers = range(1, len(heads))
+    answer.give(as_json, facts, answer.Table(rows, heads, numbers), answer.filled(notes))
 
 
 def end_of_search(
@@ -191,9 +210,20 @@ def end_of_search(
     return f"{others} from {between}, {why}"
 
 
-def described_critical(rotor: Scene, count: int) -> dict[str, list[float]]:
-    """Critical speeds [rad/s] by their kind of whirl."""
-    found = critical_speeds(rotor, count)
+def speeds_of_shafts(rotor: Scene) -> dict[str, dict[str, float]]:
+    """Speed of every shaft [rad/s] by its name, under `shaft_speeds`; nothing of a rotor of one shaft."""
+    line = OperatingLine.of(rotor, None)
+    if line is None:
+        return {}
+    (speeds,) = np.asarray(line.at(jnp.atleast_1d(rotor.spin.speed))).tolist()
+    return {"shaft_speeds": dict(zip(rotor.shafts, speeds, strict=True))}
+
+
+def described_critical(
+    rotor: Scene, count: int, by: str | None = None
+) -> dict[str, list[float]]:
+    """Critical speeds [rad/s] by their kind of whirl, of several shafts those by the unbalance of one."""
+    found = critical_speeds(rotor, count, by=by)
     return {kind: np.asarray(getattr(found, kind)).tolist() for kind in KINDS}
 
 

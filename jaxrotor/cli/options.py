@@ -17,6 +17,7 @@ from ..effects.places import of_first_order
 from ..equations.speed_tables import speed_range
 from ..equations.start import AbstractStart, AtRest, Whirl
 from ..equations.system import polar_inertia
+from ..files.several_shafts import station
 from ..files.toml import load
 from ..files.toml_reader import swept_values, value_list
 from ..files.units import quantity
@@ -87,7 +88,15 @@ At = Annotated[
     str | None,
     typer.Option(
         metavar="LENGTH",
-        help="Station to observe. [default: that of the first contact, else of the first effect]",
+        help='Station to observe, of several shafts as "hp 0.3 m". [default: that of the first contact, '
+        "else of the first effect]",
+    ),
+]
+By = Annotated[
+    str | None,
+    typer.Option(
+        metavar="SHAFT",
+        help="Name of the shaft whose unbalance is meant, where there are several. [default: the first]",
     ),
 ]
 Period = Annotated[
@@ -228,6 +237,11 @@ def optional(text: str | None, unit: str, option: str) -> float | None:
     return None if text is None else quantity(text, unit, option)
 
 
+def place(scene: Scene, text: str | None) -> Any:
+    """The station [m] of `--at`, of several shafts with a name; None if it is left out."""
+    return None if text is None else station(text, scene.shafts, "--at")
+
+
 def interval(low: str | None, high: str) -> tuple[float, float]:
     """The speeds of `--from` and `--to` [rad/s]."""
     start, stop = quantity(low or "0", "rad/s", "--from"), quantity(high, "rad/s", "--to")
@@ -305,8 +319,19 @@ def _length(scene: Scene) -> float:
     return REVOLUTIONS * 2 * math.pi / speed
 
 
-def moving_station(scene: Scene) -> float | None:
-    """The station [m] that `Scene.stations` suggests if it can move, else one that can, else None."""
+def suggested(scene: Scene) -> Any:
+    """The station [m] that `Scene.stations` suggests, of several shafts with the name of its own."""
+    (at, *_), (name, *_) = scene.seen()
+    return float(at) if name is None else (name, float(at))
+
+
+def moving_station(scene: Scene) -> Any:
+    """The station [m] that `Scene.stations` suggests if it can move, else one that can, else None.
+
+    Of several shafts it has the name of its own.
+    """
+    if scene.shafts:
+        return suggested(scene)
     placed = [getattr(effect, "at", None) for effect in scene.effects]
     stations = [at for at in placed if at is not None]
     every = [float(at) for at in (*scene.stations(), *stations, scene.shaft.length)]

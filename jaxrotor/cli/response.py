@@ -4,6 +4,7 @@ import math
 from functools import partial
 from typing import Annotated, Any
 
+import jax.numpy as jnp
 import numpy as np
 import typer
 
@@ -17,6 +18,7 @@ from ..analysis import (
     weight_response,
 )
 from ..analysis.linearized import BEARINGS
+from ..analysis.operating_line import OperatingLine
 from ..core.attributes import variable
 from ..effects import AbstractContact, Disc
 from ..equations.pencil import frame
@@ -43,6 +45,7 @@ def response(
     high: options.High = None,
     points: options.Points = 401,
     at: options.At = None,
+    by: options.By = None,
     operating: Annotated[
         str | None,
         typer.Option(
@@ -65,15 +68,19 @@ def response(
     a peak over the distance of the speeds beside it at which the amplitude is 0.707 of the peak's. So
     are the margins to the operating speeds.
     Without --to the range is made longer until both of these speeds of the first peak lie in it.
+    Of several shafts the unbalance of one acts, and the phase is its lead over the rotation of that one;
+    speeds are those of the first shaft.
     With --out, DIR/response.zarr and DIR/response.png.
 
     ```
     jaxrotor response limiter-rotor --set unbalance.eccentricity=0.1mm --to 5000rpm --out run
+    jaxrotor response dual-rotor --by hp --at "hp 0.5925 m"
     ```
     """
     whole = rotor = options.scene_with(scene, settings)
     # Of a contact, which is left out below.
-    station = rotor.stations(options.optional(at, "m", "--at"))
+    station = options.suggested(rotor) if at is None else options.place(rotor, at)
+    asked = {"at": station, "by": by}
     bearing = {effect.plural for kind in BEARINGS for effect in rotor.of(kind)}
     contacts = sorted({effect.plural for effect in rotor.of(AbstractContact)} - bearing)
     for kind in contacts:
@@ -82,21 +89,22 @@ def response(
     with files_in(out, _FILES, overwrite, units) as files:
         rotor, speeds = linear_over_speeds(rotor, low, high, points)
         range_ = _operating(rotor, operating, speeds)
-        found = _peaks(rotor, speeds, station, high)
+        found = _peaks(rotor, speeds, asked, high)
         result, whirls = found.response, found.critical
         if not np.asarray(result.major).any():
+            bare = f"the shaft '{by}'" if by else "the scene"
             raise ValueError(
-                f"The response is zero at that station; give the scene an unbalance, {_added(rotor)}."
+                f"The response is zero at that station; give {bare} an unbalance, {_added(rotor, by)}."
             )
         critical = [
-            {"kind": kind, **_at(rotor, speed, station)}
+            {"kind": kind, **_at(rotor, speed, asked)}
             for kind, speed in zip(whirls.kinds, np.asarray(whirls.speeds).tolist(), strict=True)
         ]
         finite = found.speeds[np.isfinite(found.amplitudes)]
-        peaks = [_at(rotor, speed, station) for speed in finite.tolist()]
+        peaks = [_at(rotor, speed, asked) for speed in finite.tolist()]
         growth = growth_at(rotor, result.speeds)
         ends = [] if range_ is None else list(dict.fromkeys(range_))
-        running = [_at(rotor, one, station) for one in ends if speeds.min() <= one <= speeds.max()]
+        running = [_at(rotor, one, asked) for one in ends if speeds.min() <= one <= speeds.max()]
         twice = _twice(rotor, [one["speed"] for one in running], station)
         if out is not None:
             files.data(_dataset(result, growth, rotor))
@@ -110,18 +118,27 @@ def response(
     facts = {"scene": scene, "station": result.stations[0], "without": contacts, "peaks": peaks}
     facts |= {"margins": margins, "operating": range_, "at_operating": running, "twice": twice}
     facts |= {"critical": critical, "unstable_share": unstable, "written": files.written}
+    facts |= {"by": by or rotor.shafts[0], "shaft": station[0]} if rotor.shafts else {}
     unit, own = units["speed"], "\N{MICRO SIGN}m" if largest < 1e-4 else "mm"
     length = units["length"] or own
     named = [("operating", one) for one in running] + [("peak", one) for one in peaks]
     named += [(f"critical, {one['kind']}", one) for one in critical]
     rows = [(name, *_row(one, SPEEDS[unit], LENGTHS[length])) for name, one in named]
     heads = ("", f"[{unit}]", f"amplitude [{length}]", "phase [deg]", "growth [1/s]")
-    tables = answer.Table(rows, heads, range(1, 5)), _margin_table(margins, unit)
+    if rotor.shafts:
+        heads = ("", *(f"{name} [{unit}]" for name in rotor.shafts), *heads[2:])
+        turning = _speeds(rotor, [one["speed"] for _, one in named])
+        rows = [
+            (row[0], *(f"{SPEEDS[unit] * x:.6g}" for x in own), *row[2:])
+            for row, own in zip(rows, turning, strict=True)
+        ]
+    tables = answer.Table(rows, heads, range(1, len(heads))), _margin_table(margins, unit)
     text = lambda own, word: f" {word} ".join(f"{SPEEDS[unit] * one:.6g}" for one in own)
     none = f"none between these speeds, {text((speeds[0], speeds[-1]), 'and')} {unit}"
     share = f"at {100 * unstable:.3g} % of the speeds, where no response is attained"
     notes = {
-        "station": f"{result.stations[0]:g} m",
+        "unbalance of": rotor.shafts and (by or rotor.shafts[0]),
+        "station": (f"{station[0]} " if rotor.shafts else "") + f"{result.stations[0]:g} m",
         "without": ", ".join(contacts),
         "clearance": _clearance(_nearest(found, whole), found, (LENGTHS[length], length)),
         "peak": "" if found.speeds.size else none,
@@ -132,30 +149,40 @@ def response(
     answer.give(as_json, facts, *tables, answer.filled(notes) + files.rows)
 
 
-def _peaks(rotor: Scene, speeds: np.ndarray, station: Any, high: str | None) -> ResponsePeaks:
+def _peaks(
+    rotor: Scene, speeds: np.ndarray, asked: dict[str, Any], high: str | None
+) -> ResponsePeaks:
     """Peaks between speeds [rad/s]; without `--to` farther up until the first has both of half power.
 
     Tables of coefficients over speed set the highest speed themselves.
     """
-    found = longer = response_peaks(rotor, speeds, station)
+    found = longer = response_peaks(rotor, speeds, **asked)
     if high is not None or speed_range(rotor) is not None:
         return found
     for _ in range(_LONGER):
         if not np.isnan(longer.upper[:1]).any():
             return longer
         speeds = np.linspace(speeds[0], 1.5 * speeds[-1], len(speeds))
-        longer = response_peaks(rotor, speeds, station)
+        longer = response_peaks(rotor, speeds, **asked)
     return found  # the amplitude does not fall so far
 
 
-def _added(rotor: Scene) -> str:
-    """Advice on how a scene gets an unbalance."""
+def _added(rotor: Scene, by: str | None) -> str:
+    """Advice on how a scene, or one of its shafts, gets an unbalance."""
     paths = [path for path in rotor.paths() if path.endswith("balance.eccentricity")]
     paths += [path for path in rotor.paths() if path.endswith("balances.eccentricity")]
-    if paths:
+    if paths and not rotor.shafts:
         return f"as in --set {paths[0]}=0.1mm"
-    at = next((float(disc.at) for disc in rotor.of(Disc)), float(rotor.shaft.length))
-    return f'in its file: [unbalance], at = "{at:g} m", mass = "1 kg", eccentricity = "0.1 mm"'
+    shaft = (by or rotor.shafts[0]) if rotor.shafts else None
+    at = next((float(d.at) for d in rotor.of(Disc) if d.shaft == shaft), float(rotor.shaft.length))
+    place = f"{at:g} m" if shaft is None else f"{shaft} {at:g} m"
+    return f'in its file: [unbalance], at = "{place}", mass = "1 kg", eccentricity = "0.1 mm"'
+
+
+def _speeds(rotor: Scene, first: list[float]) -> list[list[float]]:
+    """Speeds of all shafts [rad/s] by those of the first one, a row each."""
+    line = OperatingLine.of(rotor, None)
+    return [] if line is None or not first else np.asarray(line.at(jnp.array(first))).tolist()
 
 
 def _row(one: dict[str, Any], turns: float, factor: float) -> tuple[str, ...]:
@@ -240,11 +267,11 @@ def _verdict(one: dict[str, Any]) -> str:
     return ("kept" if one["kept"] else "too close") if one["required"] else "not needed"
 
 
-def _at(rotor: Scene, speed: float, station: Any) -> dict[str, Any]:
+def _at(rotor: Scene, speed: float, asked: dict[str, Any]) -> dict[str, Any]:
     """Amplitude [m] and phase [rad] at a speed, None where unbounded, and growth rate [1/s]."""
     growth = float(growth_rate(rotor.at_speed(speed)))
     try:
-        found = unbalance_response(rotor, speed, station)
+        found = unbalance_response(rotor, speed, **asked)
     except ValueError:
         return {"speed": speed, "amplitude": None, "phase": None, "growth": growth}
     phase = float(_lead(found)[0, 0])
@@ -262,7 +289,7 @@ def _twice(rotor: Scene, speeds: list[float], station: Any) -> list[float]:
 
 def _lead(result: HarmonicResponse) -> np.ndarray:
     """Lead of the forward part over the rotation [rad] (k, s), in the sense of rotation."""
-    return np.angle(result.forward) * np.where(np.asarray(result.speeds) < 0, -1, 1)[:, None]
+    return np.angle(result.forward) * np.where(np.asarray(result.frequencies) < 0, -1, 1)[:, None]
 
 
 def _dataset(result: HarmonicResponse, growth: np.ndarray, rotor: Scene) -> Any:

@@ -78,7 +78,7 @@ def run_up(
     start = Launch(options.start_with(table, start_radius, start_rate, start_angle))
     if film and out is None:
         raise ValueError("--film needs a folder to write into; add --out.")
-    station, moves = options.optional(at, "m", "--at"), options.moving_station(rotor)
+    station, moves = options.place(rotor, at), options.moving_station(rotor)
     station = moves if station is None else station
     steps: dict[str, Any] = {"solver": chosen(solver)}
     if substeps is not None:

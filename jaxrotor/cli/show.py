@@ -18,6 +18,7 @@ from ..analysis.static_instability import static_instability
 from ..core.parallel import in_threads
 from ..equations.rigid_motions import CURE, unheld
 from ..equations.system import assemble, structure
+from ..files.several_shafts import SHAFTS
 from ..files.shipped import source
 from ..files.toml import dumps, title
 from ..plot.units import SPEEDS
@@ -25,7 +26,7 @@ from ..results.provenance import assumed
 from ..scene import Scene
 from . import answer, options
 from .axis_units import angle_unit, axis_units, written_in
-from .campbell import described_critical, end_of_search
+from .campbell import described_critical, end_of_search, speeds_of_shafts
 from .linear import described_onset, described_roots, linear_at_speed
 from .output import files_in
 
@@ -81,6 +82,7 @@ def show(
     )
     whirl = {kind: _whirl(found, kind) for kind in KINDS}
     end = end_of_search(rotor, critical, _SHOWN) if critical else ""
+    others = {name: _critical(linear, name) for name in rotor.shafts[1:]}
     notes = _notes(scene, linear)
     onset = onset if onset is None else described_onset(onset, axes)
     why = why.partition(";")[0]  # its advice is for Python
@@ -90,11 +92,13 @@ def show(
         **assumed(rotor),
         "parameters": parameters,
         **notes,
+        **speeds_of_shafts(rotor),
         "nodes": None if nodes is None else list(rotor.resolution),
         "coordinates": coordinates,
         "whirl_frequencies": {"standstill": still, **whirl},
         "critical_speeds": critical,
         "no_critical_speeds": no_critical or None,
+        **({"critical_speeds_by": {k: one for k, (one, _) in others.items()}} if others else {}),
         "onset": onset,
         "no_onset": why or None,
         "written": files.written,
@@ -104,6 +108,7 @@ def show(
     units = axis_units(scene, rotor, *settings or ())
     angles = angle_unit(scene, *settings or ())
     values = [(path, *_typed(one, units, angles, rotor)) for path, one in given.items()]
+    turning = speeds_of_shafts(rotor).get("shaft_speeds", {})
     rate, spans = units["speed"], ", ".join(map(str, rotor.resolution))
     speeds = lambda found: f"{_text(_scaled(found, SPEEDS[rate]))} {rate}"
     table = answer.Table(values, ("parameter", "value", "unit"), [1])
@@ -116,10 +121,14 @@ def show(
             "coordinates": f"{coordinates}, complex x + iy" + _CONDENSED * bool(rotor.condensed),
             "whirl at standstill": still is not None and speeds(still),
             **{f"{kind}, at speed": speeds(own) for kind, own in whirl.items() if own},
+            **{f"speed of {name}": speeds([one]) for name, one in turning.items()},
         }
     )
     about = "" if linear is rotor else f"; `jaxrotor campbell {scene}` has whirl over the speed"
-    rows += _critical_rows(critical, no_critical.partition("; give")[0] + about, rate)
+    of = f" by {rotor.shafts[0]}" if rotor.shafts else ""
+    rows += _critical_rows(critical, no_critical.partition("; give")[0] + about, rate, of)
+    for other, (found, none) in others.items():
+        rows += _critical_rows(found, none.partition("; give")[0], rate, f" by {other}")
     lost = f"at {speeds(onset['speed'])}" if onset else not refused and why
     rows += answer.filled({"critical": end, "loses stability": lost})
     answer.give(as_json, facts, table, rows + files.rows)
@@ -154,9 +163,10 @@ def _notes(scene: str, rotor: Scene) -> dict[str, str | None]:
 
 def _material_taken(scene: str) -> str | None:
     """Name of the material that is taken where the file of a scene names none for its shaft."""
-    shaft = tomllib.loads(source(scene))["shaft"]
-    asked = shaft.get("model", "flexible") == "flexible"
-    return "steel" if asked and "material" not in shaft else None
+    document = tomllib.loads(source(scene))
+    tables = [document["shaft"]] if "shaft" in document else document[SHAFTS].values()
+    asked = (one for one in tables if one.get("model", "flexible") == "flexible")
+    return "steel" if any("material" not in one for one in asked) else None
 
 
 def _note_texts(
@@ -176,13 +186,15 @@ def _or_why(find: Callable[[], Any]) -> tuple[Any, str]:
         return None, str(error)
 
 
-def _critical_rows(critical: dict[str, list[float]] | None, why: str, rate: str) -> answer.Rows:
-    """Critical speeds in the unit that was typed, and in rpm."""
+def _critical_rows(
+    critical: dict[str, list[float]] | None, why: str, rate: str, of: str
+) -> answer.Rows:
+    """Critical speeds in the unit that was typed, and in rpm; `of` is " by" one of several shafts."""
     if critical is None:
-        return [("critical speeds", why)]
+        return [(f"critical speeds{of}", why)]
     rows = []
     for way, speeds in critical.items():
-        names = [f"critical, {way}", ""] if speeds else []
+        names = [f"critical{of}, {way}", ""] if speeds else []
         for name, unit in zip(names, dict.fromkeys((rate, "rpm")), strict=False):
             rows.append((name, f"{_text(_scaled(speeds, SPEEDS[unit]))} {unit}"))
     return rows
@@ -221,9 +233,9 @@ def _still(found: list[dict[str, Any]]) -> list[float]:
     return [value for last, value in ends if value > last * (1 + SAME)][:_SHOWN]
 
 
-def _critical(rotor: Scene) -> tuple[dict[str, list[float]] | None, str]:
+def _critical(rotor: Scene, by: str | None = None) -> tuple[dict[str, list[float]] | None, str]:
     """Critical speeds, or why there are none."""
-    return _or_why(lambda: described_critical(rotor, _SHOWN))
+    return _or_why(lambda: described_critical(rotor, _SHOWN, by))
 
 
 def _onset(rotor: Scene) -> tuple[Onset | None, str]:

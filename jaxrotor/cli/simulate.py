@@ -69,7 +69,7 @@ def simulate(
         "start": options.start_with(table, start_radius, start_rate, start_angle),
         "nodes": options.count_or_auto(nodes, "--nodes"),
         "tolerance": tolerance,
-        "at": moves if at is None else options.optional(at, "m", "--at"),
+        "at": moves if at is None else options.place(rotor, at),
     }
     if times is None and isinstance(rotor.spin, ConstantSpeed):
         samples = options.count_or_auto(steps, "--steps") or table.get("steps_per_revolution", 256)

@@ -7,12 +7,12 @@ station, `at = "hp 0.3 m"`, or by the key `shaft`.
 import dataclasses
 import re
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NoReturn
 
 from ..core.checks import suggest
 from ..core.quantities import known, unit_of
 from ..effects import AbstractEffect, CoaxialShaft
-from .units import refuse, show
+from .units import quantity, refuse, show
 
 
 SHAFTS = "shafts"  # the table of tables
@@ -35,23 +35,27 @@ def named_shaft(cls: Any, table: dict[str, Any], names: Sequence[str], path: str
                 "[shafts.lp] and [shafts.hp].",
             )
         refuse(f"{path}.shaft", f"must be {either}, but is {show(name)}{_near(name, names)}.")
-    if isinstance(at, str):
-        text = at.strip()
-        there = [one for one in names if re.match(rf"{re.escape(one)}\s", text)]
-        if there:
-            first = max(there, key=len)
-            if name not in (None, first):
-                refuse(f"{path}.at", f"names the shaft '{first}', but `shaft` is '{name}'.")
-            name, table["at"] = first, text[len(first) :].strip()
+    first, rest = _split(at, names)
+    if first is not None:
+        if name not in (None, first):
+            refuse(f"{path}.at", f"names the shaft '{first}', but `shaft` is '{name}'.")
+        name, table["at"] = first, rest
     if len(names) < 2 or name is not None:
         return name
     if "at" in table:
-        near = _near(at.split()[0] if isinstance(at, str) and at.split() else "", names)
-        example = f'as in "{names[0]} 0.3 m"'
-        refuse(f"{path}.at", f"must name its shaft, {either}, {example}, but is {show(at)}{near}.")
+        _refuse_unnamed(at, names, f"{path}.at")
     if cls.along_shaft:
         refuse(f"{path}.shaft", f"is missing; it names the shaft along which it acts, {either}.")
     return None
+
+
+def station(text: str, names: Sequence[str], path: str) -> float | tuple[str, float]:
+    """Station of a text [m], of several shafts with a name, as `Scene.stations` takes it."""
+    name, rest = _split(text, names)
+    if names and name is None:
+        _refuse_unnamed(text, names, path)
+    own = quantity(rest, "m", path)
+    return own if name is None else (name, own)
 
 
 def placed_text(effect: AbstractEffect) -> str | None:
@@ -68,7 +72,27 @@ def check_names(names: Sequence[str], path: str) -> None:
         refuse(path, "has no shafts; give each a table of its own, as [shafts.lp] and [shafts.hp].")
     for name in names:
         if name != name.strip() or not name:
-            refuse(path, f"has a shaft of the name {show(name)}; a name begins and ends with a letter.")
+            refuse(
+                path, f"has a shaft of the name {show(name)}; a name begins and ends with a letter."
+            )
+
+
+def _split(at: Any, names: Sequence[str]) -> tuple[str | None, Any]:
+    """Name of a shaft at the beginning of a text, and the rest; None and the value itself without one."""
+    text = at.strip() if isinstance(at, str) else ""
+    there = [one for one in names if re.match(rf"{re.escape(one)}\s", text)]
+    if not there:
+        return None, at
+    name = max(there, key=len)
+    return name, text[len(name) :].strip()
+
+
+def _refuse_unnamed(at: Any, names: Sequence[str], path: str) -> NoReturn:
+    words = at.split() if isinstance(at, str) else []
+    near = _near(words[0], names) if words else ""
+    either = " or ".join(f"'{one}'" for one in names)
+    example = f'as in "{names[0]} 0.3 m"'
+    refuse(path, f"must name its shaft, {either}, {example}, but is {show(at)}{near}.")
 
 
 def _near(name: Any, names: Sequence[str]) -> str:

@@ -66,8 +66,9 @@ def response(
     forced = np.ptp(result.speeds) == 0 and hasattr(result, "frequencies")
     turns, unit = speed_unit()
     speeds = turns * np.asarray(result.frequencies if forced else result.speeds)
-    if not forced:  # phases are counted in the sense of rotation
-        shown = {name: np.where(speeds < 0, np.conj(part), part) for name, part in shown.items()}
+    whirls = np.asarray(getattr(result, "frequencies", result.speeds))
+    if not forced:  # phases are counted in the sense of rotation of the shaft whose unbalance acts
+        shown = {name: np.where(whirls < 0, np.conj(part), part) for name, part in shown.items()}
     largest = sum(np.nanmax(np.abs(part), initial=0.0) for part in shown.values())
     factor, length = labels.length(largest)
     for (name, colour), part in shown.items():
@@ -102,7 +103,10 @@ def response(
         upper.set_ylim(bottom=0.0)
     several = len(upper.get_legend_handles_labels()[1]) > 1 or hasattr(result, "twice")
     page.finish(upper, y=f"amplitude [{length}]", columns=3 if several else 0)
-    label = f"frequency [{unit}]" if forced else labels.spin("spin speed", speeds)
+    name = (
+        "spin speed" if np.array_equal(whirls, result.speeds) else "spin speed of the first shaft"
+    )
+    label = f"frequency [{unit}]" if forced else labels.spin(name, speeds)
     return upper, page.finish(lower, label, "phase [deg]")
 
 
