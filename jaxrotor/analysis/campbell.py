@@ -26,6 +26,7 @@ from .modal import (
     sense_of_whirl,
     slowest_first,
 )
+from .operating_line import OperatingLine
 from .resolved import resolved
 from .whirl_tables import OverWhirl, whirl_roots
 
@@ -47,6 +48,7 @@ class Campbell(eqx.Module):
     # Whether orbits are circles, so frequencies have a sign
     circular: bool = eqx.field(static=True)
     senses: Float[Array, "w m"] | None = None  # forward less backward share of kinetic energy
+    line: OperatingLine | None = None  # of a machine of several shafts
 
     @property
     def frequencies(self) -> Float[Array, "w m"]:
@@ -71,7 +73,13 @@ class Campbell(eqx.Module):
         """Growth rate [1/s]; a branch is stable where it is negative."""
         return self.values.real
 
-    def crossings(self, order: float | int = 1) -> "Crossings":
+    def turning(self, by: str | None = None) -> Float[Array, " w"]:
+        """Speeds of a shaft [rad/s], by its name where there are several; None: of the first one."""
+        if self.line is None or by is None:
+            return self.speeds
+        return self.line.at(self.speeds)[:, self.line.shafts.index(by)]
+
+    def crossings(self, order: float | int = 1, by: str | None = None) -> "Crossings":
         """Crossings of the branches with the line `|Im lambda| = order |Omega|`.
 
         At order 1 and with little damping they are the critical speeds. `critical_speeds` gives those of
@@ -79,15 +87,20 @@ class Campbell(eqx.Module):
 
         Args:
             order: oscillations per revolution.
+            by: name of the shaft whose speed is Omega and whose sense is forward, where there are
+                several, by default the first one.
 
         Returns:
             `Crossings` by linear interpolation between the speeds of the diagram.
         """
         speeds: Any = np.asarray(self.speeds)
         values: Any = np.asarray(self.values)
-        above = np.abs(values.imag) - order * np.abs(speeds)[:, None]
+        own = np.asarray(self.turning(by))
+        above = np.abs(values.imag) - order * np.abs(own)[:, None]
         k, branch = np.nonzero((above[:-1] < 0) != (above[1:] < 0))
         ways = np.zeros(values.shape) if self.forward is None else np.asarray(self.forward)
+        if self.circular and by is not None:
+            ways = np.sign(values.imag) * np.sign(own)[:, None]
         if self.circular:  # a branch that changes its whirl direction is not oscillating in between
             whole = ways[k, branch] == ways[k + 1, branch]
             k, branch = k[whole], branch[whole]
@@ -168,7 +181,8 @@ def campbell(scene: Scene, speeds, count: int = 8) -> Campbell:
         senses = jnp.asarray(np.stack([one.senses for one in followed])[:, kept])
         senses = senses * sense_of(_turning(speeds))[:, None]
     values = jnp.asarray(branches[:, kept])
-    return Campbell(jnp.asarray(speeds), values, frame(blocks), isotropic(blocks), senses)
+    line = OperatingLine.of(scene, None)
+    return Campbell(jnp.asarray(speeds), values, frame(blocks), isotropic(blocks), senses, line)
 
 
 def _turning(speeds: Any) -> Float[Array, " w"]:

@@ -69,7 +69,10 @@ def campbell(
         if out is not None:
             files.data(_dataset(result, rotor))
             ends = float(speeds.min()), float(speeds.max())
-            marks: dict[str, Any] = {"critical": critical_if_any(rotor, *ends)}
+            undamped = (
+                None if rotor.shafts else critical_if_any(rotor, *ends)
+            )  # rings are of all shafts
+            marks: dict[str, Any] = {"critical": undamped}
             marks |= {"operating": options.operating_speed(rotor), "mirrored": mirrored}
             marks |= {"orders": (1, 2) if twice else (1,)}
             diagram = partial(plot.campbell, result, **marks)
@@ -219,9 +222,7 @@ def speeds_of_shafts(rotor: Scene) -> dict[str, dict[str, float]]:
     return {"shaft_speeds": dict(zip(rotor.shafts, speeds, strict=True))}
 
 
-def described_critical(
-    rotor: Scene, count: int, by: str | None = None
-) -> dict[str, list[float]]:
+def described_critical(rotor: Scene, count: int, by: str | None = None) -> dict[str, list[float]]:
     """Critical speeds [rad/s] by their kind of whirl, of several shafts those by the unbalance of one."""
     found = critical_speeds(rotor, count, by=by)
     return {kind: np.asarray(getattr(found, kind)).tolist() for kind in KINDS}

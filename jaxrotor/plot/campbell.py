@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from typing import Any
 
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float
 from matplotlib.axes import Axes
@@ -21,6 +22,7 @@ Mask = Bool[np.ndarray, "w m"]
 
 _COLOURS = {1: colours.FORWARD, -1: colours.BACKWARD, 0: colours.DARK}  # of rings, by sense
 _SENSES = {1: "forward", -1: "backward", 0: "straight"}
+_DASHES = ("--", "-.", (0, (1, 1)), (0, (5, 1, 1, 1, 1, 1)))  # of lines of several shafts
 _LINE = 9.5  # pt: distance of lines of the list
 _APART = 0.08  # least distance of rings, over the range, with damping ratios beside them
 _SEEN = 0.01  # smallest damping ratio that is written beside a ring
@@ -43,7 +45,8 @@ def campbell(
     sense and damping ratio D, which is also written at a ring that is alone, from 0.01 on. Above
     `OVERDAMPED` there is no ring, but a line of the list with a dash. In the axes of the shaft
     (`result.frame` is "rotating") an unbalance is constant, so a speed is critical where a frequency is
-    zero; the only line there is that of the weight, `Omega`.
+    zero; the only line there is that of the weight, `Omega`. Of several shafts each has lines of its own,
+    dashed, and the sense of a ring is that relative to the shaft of its line.
 
     Args:
         result: `jaxrotor.Campbell` diagram.
@@ -79,19 +82,22 @@ def campbell(
     farthest = max(-low, high)
     left, right = (-farthest, farthest) if mirrored else (low, high)
     ends = np.array([left, np.clip(0.0, left, right), right])
-    for order in (1,) if rotating else lines:
+    if result.line is not None and not rotating:
+        _draw_lines(upper, result, orders, left, right, mirrored)
+    for order in (1,) if rotating else lines if result.line is None else ():
         name = "weight" if rotating else "synchronous" if order == 1 else f"{order:g} a revolution"
         dashes = "-" if order == 1 else ":"
         page.curve(upper, ends, order * np.abs(ends), colours.GREY, name, 0.8, linestyle=dashes)
     for under, (name, colour, shown) in enumerate(directions):  # forward whirl is drawn on top
         x = -speeds if mirrored and name == "backward whirl" else speeds
+        name = name if result.line is None else name.replace("whirl", f"of {result.line.shafts[0]}")
         for ax, part in ((upper, frequency), (lower, growth)):
             x_all, y_all = _joined(x, part, shown)
             page.curve(ax, x_all, y_all, colour, name, zorder=2.5 - 0.1 * under)
     listed = _draw_crossings(upper, result, lines, mirrored)
     if critical is not None and lines:
         listed += _draw_undamped(upper, critical, mirrored, low, high)
-    _list(upper, listed)
+    _list(upper, listed, upper if result.line is None else lower)
 
     for ax in (upper, lower):
         ax.margins(x=0)
@@ -130,6 +136,26 @@ def _directions(result: Campbell) -> list[tuple[str, str, Mask]]:
     return [row for row in found if row[2].any()]
 
 
+def _draw_lines(
+    ax: Axes,
+    result: Campbell,
+    orders: Sequence[float | int],
+    left: float,
+    right: float,
+    mirrored: bool,
+) -> None:
+    """Dashed lines `n |Omega_k|` of every shaft between two speeds of the first one, as drawn."""
+    assert result.line is not None
+    x = np.linspace(left, right, 401)  # a line has a kink where its shaft is at rest
+    first = np.abs(x) * np.sign(np.sum(result.speeds)) if mirrored else x
+    turning = speed_unit()[0] * np.asarray(result.line.at(jnp.asarray(first / speed_unit()[0])))
+    for k, shaft in enumerate(result.line.shafts):
+        for order in orders:
+            style: Any = {"linestyle": _DASHES[k % len(_DASHES)]}
+            y = order * np.abs(turning[:, k])
+            page.curve(ax, x, y, colours.GREY, f"{order:g}x {shaft}", 0.9, **style)
+
+
 def _check_mirror(speeds: Float[np.ndarray, " w"], directions: list[str]) -> None:
     if "backward whirl" not in directions:
         raise ValueError(
@@ -162,18 +188,26 @@ def _draw_crossings(
     """
     name = "critical speed, damped" if tuple(orders) == (1,) else "crossing"
     factor, unit = speed_unit()
-    every = [(n, *one) for n in orders for one in zip(*result.crossings(n), strict=True)]
+    shafts = (None,) if result.line is None else result.line.shafts
+    kinds = [(n, shaft) for shaft in shafts for n in orders]
+    every = [(n, *one) for n in kinds for one in zip(*result.crossings(*n), strict=True)]
     seen = [one for one in every if one[3] <= OVERDAMPED]
     span = _APART * np.ptp(result.speeds)
-    listed, rings = [], {(way, order): [] for way in _COLOURS for order in orders}
+    listed, rings = [], {(way, kind): [] for way in _COLOURS for kind in kinds}
+    near = 2 * _APART * np.max(np.abs(np.imag(result.values)))
     for order, speed, frequency, ratio, way in seen:
         number, colour = len(listed) + 1, _COLOURS[int(way)]
-        at = factor * (-speed if mirrored and way < 0 else speed), factor * frequency
+        back = mirrored and way * _same_sense(result, order[1], speed) < 0
+        at = factor * (-speed if back else speed), factor * frequency
         rings[int(way), order].append(at)
-        alone = sum(abs(other[1] - speed) < span for other in seen) == 1
+        alone = result.line is None and sum(abs(other[1] - speed) < span for other in seen) == 1
         text = rf"$\bf{{{number}}}$" + (f"  {ratio:.2g}" if alone and ratio >= _SEEN else "")
         beside: Any = {"textcoords": "offset points", "fontsize": 7, "color": colour, "zorder": 5}
         place: Any = ((4, -9), "left") if way < 0 else ((-4, 4), "right")
+        if order[1] is not None:  # beside the ring of another shaft on the same branch
+            alike = [one[1] for one in seen if one[4] == way and abs(one[2] - frequency) < near]
+            right = (speed > np.mean(alike)) != back
+            place = ((4 if right else -4, -9 if way < 0 else 4), "left" if right else "right")
         ax.annotate(text, at, place[0], ha=place[1], **beside)
         listed.append((f"{number}", order, speed, ratio, way))
     for (way, _), places in rings.items():
@@ -189,9 +223,18 @@ def _draw_crossings(
     for mark, order, speed, ratio, way in (*listed, *hidden):
         sense = "whirl" if result.forward is None else _SENSES[int(way)]
         text = f"{mark}  {factor * speed:.4g} {unit}, {sense}, D = {ratio:.2g}"
-        text += "" if order == 1 else f" ({order:g}x)"
+        (times, shaft) = order
+        text += f", {times:g}x {shaft}" if shaft else "" if times == 1 else f" ({times:g}x)"
         rows.append((text, colours.GREY if mark == "\N{EN DASH}" else _COLOURS[int(way)]))
     return rows
+
+
+def _same_sense(result: Campbell, shaft: str | None, speed: float) -> int:
+    """-1 where a shaft turns against the first one, at a speed of that; else 1."""
+    if result.line is None or shaft is None:
+        return 1
+    own = result.line.at(jnp.asarray([speed]))[0, result.line.shafts.index(shaft)]
+    return -1 if float(own) * speed < 0 else 1
 
 
 def _draw_undamped(
@@ -204,19 +247,26 @@ def _draw_undamped(
     """
     factor, unit = speed_unit()
     speeds, kinds = factor * np.asarray(critical.speeds), np.array(critical.kinds)
+    heights = np.abs(speeds)
+    if critical.line is not None and critical.operating is not None:
+        heights = factor * np.abs(np.asarray(critical.operating)[:, critical.line.by])
+        speeds = factor * np.asarray(critical.operating)[:, 0]
     inside = (speeds >= start) & (speeds <= end)
     x = np.where((kinds == "backward") & mirrored, -speeds, speeds)[inside]
     style = {"linestyle": "none", "marker": "x", "markersize": 4.0, "color": colours.DARK}
-    ax.plot(x, np.abs(speeds[inside]), label="critical speed, undamped", zorder=4.5, **style)
+    ax.plot(x, heights[inside], label="critical speed, undamped", zorder=4.5, **style)
     rows = zip(speeds[inside].tolist(), kinds[inside].tolist(), strict=True)
     cross = "\N{MULTIPLICATION SIGN}"
     return [(f"{cross}  {speed:.4g} {unit}, {kind}", colours.DARK) for speed, kind in rows]
 
 
-def _list(ax: Axes, rows: list[tuple[str, str]]) -> None:
-    """Write lines of text [colour] to the right of the Axes; those that do not fit are counted."""
+def _list(ax: Axes, rows: list[tuple[str, str]], last: Axes) -> None:
+    """Write lines of text [colour] to the right of the Axes; those that do not fit are counted.
+
+    There is room down to the lower end of the `last` Axes.
+    """
     figure: Any = ax.figure
-    height = ax.bbox.height / figure.dpi * 72  # pt
+    height = (ax.bbox.y1 - last.bbox.y0) / figure.dpi * 72  # pt
     fits = max(int(height / _LINE) - 1, 3)
     if len(rows) > fits:
         rows = [*rows[:fits], (f"and {len(rows) - fits} more", colours.DARK)]

@@ -1,7 +1,7 @@
 """Rotor: side view of the shaft and its parts, to scale."""
 
 from textwrap import fill
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -10,6 +10,7 @@ from matplotlib.patches import Circle, Rectangle
 from ..effects import (
     AnnularStator,
     BallBalancer,
+    CoaxialShaft,
     Disc,
     Limiter,
     LoosePedestal,
@@ -29,9 +30,10 @@ LOWEST, HIGHEST, NARROWEST = 50.0, 110.0, 85.0  # mm: sizes of a figure
 THICK = 0.5  # largest thickness of a disc, relative to the length of the shaft
 HOUSED = (0.5, 0.65)  # upper and lower side of a casing, between axis and ground
 SIZE, FLATTEST = 0.03, 0.1  # size of symbols, and least height over the axis, by the shaft's length
+SHADES = ("0.85", "0.6", "0.75", "0.5")  # of several shafts
 ROW = 4.0  # mm: height of a further row of the legend
 IN_ROW = 4  # parts in a row of a legend that has several
-DRAWN: tuple[type, ...] = (AnnularStator, Disc, BallBalancer, AbstractCasing, Limiter)
+DRAWN: tuple[type, ...] = (AnnularStator, Disc, BallBalancer, AbstractCasing, Limiter, CoaxialShaft)
 DRAWN += (RollingBearing, Support, Unbalance, *symbols.SYMBOLS)
 
 
@@ -40,7 +42,8 @@ def rotor(scene: Scene, ax: Axes | None = None) -> Axes:
 
     A disc is drawn as the solid disc of its mass and moments of inertia, but thin if that would be thicker
     than half the length of the shaft. A limiter or ring is at its gap from the rim that it touches. Films,
-    seals, magnets, cracks and couplings are symbols. Damping, weight and other effects without a shape are
+    seals, magnets, cracks and couplings are symbols. Of several shafts each is at its place on the axis, a
+    hollow one as a tube around what is inside it. Damping, weight and other effects without a shape are
     named under the figure.
 
     Args:
@@ -52,9 +55,12 @@ def rotor(scene: Scene, ax: Axes | None = None) -> Axes:
     """
     new = ax is None
     ax = page.single(ax, 170, 75)
-    length = _drawn(scene.shaft.length)
-    tall = [0.05 * length, _shaft(ax, scene.shaft, length)]
-    tall += [_disc(ax, disc, length) for disc in scene.of(Disc)]
+    every = _bodies(scene)
+    own = {body.name: body for body in every}
+    left, right = min(body.left for body in every), max(body.right for body in every)
+    length = right - left
+    tall = [0.05 * length, *(_shaft(ax, body) for body in every)]
+    tall += [_disc(ax, disc, length, own[disc.shaft]) for disc in scene.of(Disc)]
     tall += [_balls(ax, balls) for balls in scene.of(BallBalancer)]
     tall += [_rolling(ax, bearing) for bearing in scene.of(RollingBearing)]
     tall += [_stop(ax, stop, length) for stop in scene.of(AbstractRub)]
@@ -62,27 +68,31 @@ def rotor(scene: Scene, ax: Axes | None = None) -> Axes:
     drawn: list[Any] = [part for part in scene.effects if type(part) in symbols.SYMBOLS]
     for part in drawn:
         at = _drawn(part.at)
-        reach = symbols.draw(ax, part, at, _radius(scene.shaft, at), size)
+        reach = symbols.draw(ax, part, at, own[part.shaft].radius(at), size)
         tall.append(reach if part.on is None else 1.8 * reach)  # a casing begins below it
         if getattr(part, "sensor", None) is not None:
             sensor = _drawn(part.sensor)
-            symbols.draw_sensor(ax, sensor, _radius(scene.shaft, sensor), size)
+            symbols.draw_sensor(ax, sensor, own[part.shaft].radius(sensor), size)
     ground = -1.2 * max(tall)
-    for held in getattr(scene.shaft, "constraints", ()):
-        _constraint(ax, _drawn(held.at), held.holds, ground)
+    for body in every:
+        for held in getattr(body.shaft, "constraints", ()):
+            _constraint(ax, body.left + _drawn(held.at), held.holds, ground)
     for support in scene.of(Support):
-        if support.at is not None:
-            foot = ground if support.on is None else HOUSED[0] * ground
-            _spring(ax, _drawn(support.at), 0.0, foot, ground)
+        if support.on in scene.shafts:
+            _joint(ax, _drawn(support.at), own[support.shaft], own[support.on], size)
+        elif support.at is not None:
+            at, foot = _drawn(support.at), ground if support.on is None else HOUSED[0] * ground
+            _spring(ax, at, -own[support.shaft].radius(at) if scene.shafts else 0.0, foot, ground)
     for casing in scene.of(AbstractCasing):
         _casing(ax, scene, casing, ground)
-    heavy = [_drawn(unbalance.at) for unbalance in scene.of(Unbalance)]
+    heavy = [(_drawn(unbalance.at), unbalance.shaft) for unbalance in scene.of(Unbalance)]
     if heavy:
         style = {"color": colours.RED, "markersize": 4.0, "zorder": 4.0}
-        ax.plot(heavy, np.zeros(len(heavy)), "o", label="unbalance", **style)
-    ends = [-0.04 * length, 1.04 * length]
+        heights = [own[name].radius(at) if scene.shafts else 0.0 for at, name in heavy]
+        ax.plot([at for at, _ in heavy], heights, "o", label="unbalance", **style)
+    ends = [left - 0.04 * length, right + 0.04 * length]
     ax.plot(ends, [0.0, 0.0], "-.", color=colours.DARK, linewidth=0.5)
-    ax.update_datalim([(0.0, side * FLATTEST * length) for side in (-1, 1)])
+    ax.update_datalim([(left, side * FLATTEST * length) for side in (-1, 1)])
     ax.set_aspect("equal", adjustable="box")
     unit, size = length_unit("mm")[1], float(ax.xaxis.label.get_fontsize())
     wide = int(page.width_of(ax) / (0.55 * size))  # letters
@@ -117,37 +127,93 @@ def _box(
     ax.add_patch(Rectangle((x[0], y[0]), x[1] - x[0], y[1] - y[0], **style))
 
 
-def _shaft(ax: Axes, shaft: Any, length: float) -> float:
-    """Draw the shaft; returns its largest radius as drawn."""
+class _Body(NamedTuple):
+    """A shaft at its place on the axis, with lengths as drawn."""
+
+    shaft: Any
+    left: float
+    name: str | None  # None: the only one
+    shade: str
+
+    @property
+    def right(self) -> float:
+        return self.left + _drawn(self.shaft.length)
+
+    def radius(self, at: float) -> float:
+        """Radius at a station; of a shaft without a diameter that of a thick line."""
+        if not hasattr(self.shaft, "diameter"):
+            return 0.3 * SIZE * _drawn(self.shaft.length)
+        return _drawn(self._part(at).diameter) / 2
+
+    def bore(self, at: float) -> float:
+        """Inner radius at a station, 0 of a solid shaft."""
+        inner = self._part(at).inner_diameter if hasattr(self.shaft, "diameter") else None
+        return 0.0 if inner is None else _drawn(inner) / 2
+
+    def _part(self, at: float) -> Any:
+        steps = (step for step in self.shaft.steps if self.left + _drawn(step.at) < at)
+        return [self.shaft, *steps][-1]
+
+
+def _bodies(scene: Scene) -> list[_Body]:
+    names = scene.shafts or (None,)
+    starts = [0.0 if one.start is None else _drawn(one.start) for one in scene.placed()]
+    shades = (SHADES[i % len(SHADES)] for i in range(len(names)))
+    rows = zip(scene.placed(), starts, names, shades, strict=True)
+    return [_Body(one.shaft, *own) for one, *own in rows]
+
+
+def _shaft(ax: Axes, body: _Body) -> float:
+    """Draw a shaft, one of several by its walls alone; returns its largest radius as drawn."""
+    shaft, label = body.shaft, body.name or "shaft"
     if not hasattr(shaft, "diameter"):
-        ax.plot([0.0, length], [0.0, 0.0], color=colours.DARK, linewidth=3.0, label="shaft")
+        dark: Any = {"color": colours.DARK, "linewidth": 3.0, "label": label}
+        ax.plot([body.left, body.right], [0.0, 0.0], **dark)
         return 0.0
-    parts = [(0.0, shaft), *((_drawn(step.at), step) for step in shaft.steps)]
-    ends = [at for at, _ in parts[1:]] + [length]
-    for (left, part), right in zip(parts, ends, strict=True):
-        radius = _drawn(part.diameter) / 2
-        _box(ax, (left, right), (-radius, radius), facecolor="0.85", label="shaft")
-        if part.inner_diameter is not None and float(part.inner_diameter):
-            bore = _drawn(part.inner_diameter) / 2
+    places = [body.left, *(body.left + _drawn(step.at) for step in shaft.steps)]
+    parts = list(zip(places, [*places[1:], body.right], (shaft, *shaft.steps), strict=True))
+    for left, right, part in parts:
+        radius, middle = _drawn(part.diameter) / 2, (left + right) / 2
+        bore, walled = body.bore(middle), body.name is not None
+        sides = _sides(bore, radius) if walled else [(-radius, radius)]
+        for side in sides:
+            _box(
+                ax,
+                (left, right),
+                side,
+                facecolor=body.shade,
+                label=label,
+                zorder=1.0 + 0.1 * walled,
+            )
+        if bore and not walled:
             _box(ax, (left, right), (-bore, bore), facecolor="white", label="bore")
-    return _drawn(max(float(part.diameter) for _, part in parts)) / 2
+    return max(_drawn(part.diameter) for *_, part in parts) / 2
 
 
-def _radius(shaft: Any, at: float) -> float:
-    """Radius of a shaft at a station as drawn; of one without a diameter that of a thick line."""
-    if not hasattr(shaft, "diameter"):
-        return 0.3 * SIZE * _drawn(shaft.length)
-    parts = [shaft, *(step for step in shaft.steps if _drawn(step.at) < at)]
-    return _drawn(parts[-1].diameter) / 2
+def _sides(inner: float, outer: float) -> list[tuple[float, float]]:
+    """Heights of a ring in section, above the axis and below; one of a solid."""
+    return [(inner, outer), (-outer, -inner)] if inner else [(-outer, outer)]
 
 
-def _disc(ax: Axes, disc: Disc, length: float) -> float:
+def _joint(ax: Axes, at: float, one: _Body, other: _Body, size: float) -> None:
+    """Draw a bearing between two shafts, above and below the axis, in the gap if there is one."""
+    inner, outer = sorted((one, other), key=lambda body: body.radius(at))
+    low, high = inner.radius(at), outer.bore(at)
+    if high <= low:
+        low, high = 0.0, 1.3 * outer.radius(at)
+    style: Any = {"facecolor": colours.MAGENTA, "label": "bearing between shafts", "zorder": 3.0}
+    for side in _sides(low, high):
+        _box(ax, (at - size / 2, at + size / 2), side, **style)
+
+
+def _disc(ax: Axes, disc: Disc, length: float, body: _Body) -> float:
     """Draw a disc by `I_p = m R^2 / 2`, `I_d = I_p / 2 + m a^2 / 12`; returns its radius as drawn."""
     diametral, polar = (abs(float(value)) for value in disc.inertia or (0.0, 0.0))
     at, mass = _drawn(disc.at), float(disc.mass)
     if not (mass and polar):
         label = page.once(ax, "mass")
-        ax.plot([at], [0.0], "s", color=colours.BLUE, markersize=5.0, label=label)
+        height = 0.0 if body.name is None else body.radius(at)
+        ax.plot([at], [height], "s", color=colours.BLUE, markersize=5.0, label=label)
         return 0.0
     radius = _drawn((2 * polar / mass) ** 0.5)
     thickness = _drawn((12 * max(diametral - polar / 2, 0.0) / mass) ** 0.5)
@@ -155,7 +221,9 @@ def _disc(ax: Axes, disc: Disc, length: float) -> float:
         thickness = 0.0
     half = max(thickness / 2, 0.003 * length)
     style = {"facecolor": colours.BLUE, "alpha": 0.6, "zorder": 2.0}
-    _box(ax, (at - half, at + half), (-radius, radius), label="disc", **style)
+    bore = body.radius(at) if body.bore(at) and body.name is not None else 0.0
+    for side in _sides(bore, radius):
+        _box(ax, (at - half, at + half), side, label="disc", **style)
     return radius
 
 
