@@ -18,7 +18,7 @@ from ..equations.rigid_motions import check_constant_load
 from ..equations.system import System, assemble, structure
 from ..scene import Scene
 from .linearized import check_linear
-from .observed import Places
+from .observed import Places, Unbalanced
 from .operating_line import OperatingLine
 from .resonance import CRITICAL, from_resonance
 from .whirl_tables import synchronous
@@ -288,19 +288,11 @@ def ending_span(scene: Scene, at: Scalar) -> Scene:
     return scene
 
 
-def unbalance_system(scene: Scene, at, by: str | None = None) -> "Unbalanced":
+def unbalance_system(scene: Scene, at, by: str | None = None) -> Unbalanced:
     """Equations, places and shaft of `unbalance_response`, for many calls of `radius_and_distance`."""
     line = OperatingLine.of(scene, by)
     other = None if line is None or not line.by else by
     return Unbalanced(assemble(synchronous(scene)), Places.of(scene, at), other)
-
-
-class Unbalanced(eqx.Module):
-    """A rotor, places on it, and the shaft beside the first one whose unbalance acts; None: the first."""
-
-    system: System
-    places: Places
-    by: str | None = eqx.field(static=True)
 
 
 @compiled_quickly

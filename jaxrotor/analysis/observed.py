@@ -4,6 +4,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from ..equations.system import System
 from ..scene import Scene
 from ..shafts.cased import line_of, row_of, rows_at
 from ..shafts.line import AbstractLine
@@ -42,3 +43,11 @@ class Places(eqx.Module):
             line_of(line, shaft), at if casing is None else casing
         )
         return jnp.stack([of(*one) for one in every])
+
+
+class Unbalanced(eqx.Module):
+    """A rotor, places on it, and the shaft beside the first one whose unbalance acts; None: the first."""
+
+    system: System
+    places: Places
+    by: str | None = eqx.field(static=True)

@@ -18,11 +18,11 @@ from ..scene import Scene
 from .critical import CriticalSpeeds, critical_between
 from .forced import (
     HarmonicResponse,
-    Unbalanced,
     radius_and_distance,
     unbalance_response,
     unbalance_system,
 )
+from .observed import Unbalanced
 from .resonance import CRITICAL
 
 

@@ -1,6 +1,7 @@
 """Command `response`: steady response to unbalance, its peaks, and its values at critical speeds."""
 
 import math
+from collections.abc import Sequence
 from functools import partial
 from typing import Annotated, Any
 
@@ -78,9 +79,8 @@ def response(
     ```
     """
     whole = rotor = options.scene_with(scene, settings)
-    # Of a contact, which is left out below.
-    station = options.suggested(rotor) if at is None else options.place(rotor, at)
-    asked = {"at": station, "by": by}
+    asked = {"by": by, "at": options.place(rotor, at)}
+    asked["at"] = options.suggested(rotor) if at is None else asked["at"]  # of a contact, too
     bearing = {effect.plural for kind in BEARINGS for effect in rotor.of(kind)}
     contacts = sorted({effect.plural for effect in rotor.of(AbstractContact)} - bearing)
     for kind in contacts:
@@ -91,11 +91,7 @@ def response(
         range_ = _operating(rotor, operating, speeds)
         found = _peaks(rotor, speeds, asked, high)
         result, whirls = found.response, found.critical
-        if not np.asarray(result.major).any():
-            bare = f"the shaft '{by}'" if by else "the scene"
-            raise ValueError(
-                f"The response is zero at that station; give {bare} an unbalance, {_added(rotor, by)}."
-            )
+        _check_moves(found, rotor, by)
         critical = [
             {"kind": kind, **_at(rotor, speed, asked)}
             for kind, speed in zip(whirls.kinds, np.asarray(whirls.speeds).tolist(), strict=True)
@@ -105,7 +101,7 @@ def response(
         growth = growth_at(rotor, result.speeds)
         ends = [] if range_ is None else list(dict.fromkeys(range_))
         running = [_at(rotor, one, asked) for one in ends if speeds.min() <= one <= speeds.max()]
-        twice = _twice(rotor, [one["speed"] for one in running], station)
+        twice = _twice(rotor, [one["speed"] for one in running], asked["at"])
         if out is not None:
             files.data(_dataset(result, growth, rotor))
             marks: dict[str, Any] = {"critical": whirls, "peaks": found}
@@ -118,27 +114,21 @@ def response(
     facts = {"scene": scene, "station": result.stations[0], "without": contacts, "peaks": peaks}
     facts |= {"margins": margins, "operating": range_, "at_operating": running, "twice": twice}
     facts |= {"critical": critical, "unstable_share": unstable, "written": files.written}
-    facts |= {"by": by or rotor.shafts[0], "shaft": station[0]} if rotor.shafts else {}
+    facts |= {"by": by or rotor.shafts[0], "shaft": asked["at"][0]} if rotor.shafts else {}
     unit, own = units["speed"], "\N{MICRO SIGN}m" if largest < 1e-4 else "mm"
     length = units["length"] or own
     named = [("operating", one) for one in running] + [("peak", one) for one in peaks]
     named += [(f"critical, {one['kind']}", one) for one in critical]
     rows = [(name, *_row(one, SPEEDS[unit], LENGTHS[length])) for name, one in named]
     heads = ("", f"[{unit}]", f"amplitude [{length}]", "phase [deg]", "growth [1/s]")
-    if rotor.shafts:
-        heads = ("", *(f"{name} [{unit}]" for name in rotor.shafts), *heads[2:])
-        turning = _speeds(rotor, [one["speed"] for _, one in named])
-        rows = [
-            (row[0], *(f"{SPEEDS[unit] * x:.6g}" for x in own), *row[2:])
-            for row, own in zip(rows, turning, strict=True)
-        ]
+    heads, rows = _with_all_shafts(rotor, unit, heads, rows, [one["speed"] for _, one in named])
     tables = answer.Table(rows, heads, range(1, len(heads))), _margin_table(margins, unit)
     text = lambda own, word: f" {word} ".join(f"{SPEEDS[unit] * one:.6g}" for one in own)
     none = f"none between these speeds, {text((speeds[0], speeds[-1]), 'and')} {unit}"
     share = f"at {100 * unstable:.3g} % of the speeds, where no response is attained"
     notes = {
-        "unbalance of": rotor.shafts and (by or rotor.shafts[0]),
-        "station": (f"{station[0]} " if rotor.shafts else "") + f"{result.stations[0]:g} m",
+        "unbalance of": facts.get("by"),
+        "station": f"{facts.get('shaft', '')} {result.stations[0]:g} m".strip(),
         "without": ", ".join(contacts),
         "clearance": _clearance(_nearest(found, whole), found, (LENGTHS[length], length)),
         "peak": "" if found.speeds.size else none,
@@ -179,10 +169,30 @@ def _added(rotor: Scene, by: str | None) -> str:
     return f'in its file: [unbalance], at = "{place}", mass = "1 kg", eccentricity = "0.1 mm"'
 
 
-def _speeds(rotor: Scene, first: list[float]) -> list[list[float]]:
-    """Speeds of all shafts [rad/s] by those of the first one, a row each."""
+def _with_all_shafts(
+    rotor: Scene,
+    unit: str,
+    heads: tuple[str, ...],
+    rows: Sequence[tuple[str, ...]],
+    first: list[float],
+) -> tuple[tuple[str, ...], Sequence[tuple[str, ...]]]:
+    """Heads and rows with the speeds of all shafts, by those of the first one [rad/s], in column 2."""
     line = OperatingLine.of(rotor, None)
-    return [] if line is None or not first else np.asarray(line.at(jnp.array(first))).tolist()
+    if line is None or not first:
+        return heads, rows
+    turning = SPEEDS[unit] * np.asarray(line.at(jnp.array(first)))
+    texts = [[f"{speed:.6g}" for speed in own] for own in turning.tolist()]
+    heads = (heads[0], *(f"{name} [{unit}]" for name in line.shafts), *heads[2:])
+    return heads, [(row[0], *own, *row[2:]) for row, own in zip(rows, texts, strict=True)]
+
+
+def _check_moves(found: ResponsePeaks, rotor: Scene, by: str | None) -> None:
+    """Raise if the response is zero."""
+    if not np.asarray(found.response.major).any():
+        bare = f"the shaft '{by}'" if by else "the scene"
+        raise ValueError(
+            f"The response is zero at that station; give {bare} an unbalance, {_added(rotor, by)}."
+        )
 
 
 def _row(one: dict[str, Any], turns: float, factor: float) -> tuple[str, ...]:

@@ -1,7 +1,7 @@
 """Command `show`: contents and linear properties of a scene."""
 
 import tomllib
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from itertools import groupby
 from pathlib import Path
 from typing import Annotated, Any
@@ -105,8 +105,7 @@ def show(
     }
     given = {path: one for path, one in parameters.items() if one["value"] is not None}
     absent = given != parameters
-    units = axis_units(scene, rotor, *settings or ())
-    angles = angle_unit(scene, *settings or ())
+    units, angles = axis_units(scene, rotor, *settings or ()), angle_unit(scene, *settings or ())
     values = [(path, *_typed(one, units, angles, rotor)) for path, one in given.items()]
     turning = speeds_of_shafts(rotor).get("shaft_speeds", {})
     rate, spans = units["speed"], ", ".join(map(str, rotor.resolution))
@@ -125,10 +124,8 @@ def show(
         }
     )
     about = "" if linear is rotor else f"; `jaxrotor campbell {scene}` has whirl over the speed"
-    of = f" by {rotor.shafts[0]}" if rotor.shafts else ""
-    rows += _critical_rows(critical, no_critical.partition("; give")[0] + about, rate, of)
-    for other, (found, none) in others.items():
-        rows += _critical_rows(found, none.partition("; give")[0], rate, f" by {other}")
+    rows += _critical_rows(critical, no_critical, rate, rotor.shafts[:1], about)
+    rows += [row for k, one in others.items() for row in _critical_rows(*one, rate, [k])]
     lost = f"at {speeds(onset['speed'])}" if onset else not refused and why
     rows += answer.filled({"critical": end, "loses stability": lost})
     answer.give(as_json, facts, table, rows + files.rows)
@@ -187,11 +184,12 @@ def _or_why(find: Callable[[], Any]) -> tuple[Any, str]:
 
 
 def _critical_rows(
-    critical: dict[str, list[float]] | None, why: str, rate: str, of: str
+    critical: dict[str, list[float]] | None, why: str, rate: str, by: Sequence[str], about: str = ""
 ) -> answer.Rows:
-    """Critical speeds in the unit that was typed, and in rpm; `of` is " by" one of several shafts."""
+    """Critical speeds in the unit that was typed, and in rpm, of several shafts `by` one of them."""
+    of = f" by {by[0]}" if by else ""
     if critical is None:
-        return [(f"critical speeds{of}", why)]
+        return [(f"critical speeds{of}", why.partition("; give")[0] + about)]
     rows = []
     for way, speeds in critical.items():
         names = [f"critical{of}, {way}", ""] if speeds else []
