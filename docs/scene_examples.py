@@ -70,6 +70,43 @@ length = "0.453 m"
 constraints = [{at = "93 mm"}, {at = "360 mm"}]  # two pins; [] leaves it to its supports
 """
     ],
+    "coaxial_shaft": [
+        """\
+[shafts.lp]                        # the first one turns at the speed of [spin]
+length = "0.962 m"
+diameter = "20 mm"
+
+[shafts.hp]                        # a tube around it
+length = "0.382 m"
+diameter = "34 mm"
+inner_diameter = "28 mm"
+ratio = 1.3                        # 1.3 times as fast; -1.2 would be counter-rotation
+speed = "0 rad/s"                  # that is added to it
+start = "0.3 m"                    # its left end
+phase = "0 deg"                    # its angle while that of the first one is 0
+
+[[supports]]
+at = "lp 0 m"
+kxx = "5e5 N/m"
+
+[[supports]]
+at = "lp 0.962 m"
+kxx = "6e5 N/m"
+
+[[supports]]
+at = "hp 0.3 m"
+kxx = "8e5 N/m"
+
+[[supports]]                       # between the shafts, at the right end of hp
+at = "hp 0.682 m"
+on = "lp"
+kxx = "6e5 N/m"
+
+[internal_damping]
+shaft = "hp"
+voigt_time = "0.1 ms"
+"""
+    ],
     "step": [
         """\
 [[shaft.steps]]                    # in the order of their stations

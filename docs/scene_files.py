@@ -15,6 +15,8 @@ from scene_examples import EXAMPLES
 
 from jaxrotor import shafts, spins
 from jaxrotor.core.quantities import is_series, takes_matrix, takes_table, unit_of
+from jaxrotor.effects import CoaxialShaft
+from jaxrotor.files.several_shafts import KEYS
 from jaxrotor.files.toml_reader import choices_of
 from jaxrotor.files.vocabulary import COUNTS, FORMS, START, exported, models
 from jaxrotor.shafts import AbstractShaft, Constraint, Step
@@ -28,18 +30,23 @@ INTRODUCTION = """\
 
 <!-- Written by docs/scene_files.py from the classes; change these, or the examples there. -->
 
-A scene is a TOML file with one `[shaft]`, one `[spin]`, and a table for each effect on or around the
-shaft. Nothing else is simulated. `jaxrotor new my-rotor.toml` writes a commented file to begin with, and
-`jaxrotor show my-rotor.toml` lists the parameters that were read from a file.
+A scene is a TOML file with one `[shaft]`, or `[shafts.NAME]` for each of several on one axis, one
+`[spin]`, and a table for each effect on or around the shaft. Nothing else is simulated. `jaxrotor new
+my-rotor.toml` writes a commented file to begin with, and `jaxrotor show my-rotor.toml` lists the
+parameters that were read from a file.
 
 * A number is in SI units; a text carries its unit: `0.7`, `"0.7 m"`, `"700 mm"`, `"1500 rpm"`, `"60 deg"`.
 * A single part is `[disc]`. If there are several, each is `[[disc]]` or `[[discs]]`, with two brackets.
-* Stations (`at`) are measured from the left end of the shaft.
+* Stations (`at`) are measured from the left end of the shaft, of several shafts along their common axis.
+* Every effect on one of several shafts names it: `at = "hp 0.3 m"`, or by the key `shaft`, which an effect
+  along a shaft needs: `shaft = "hp"`. `on` may name another shaft: the part is then between the two, as a
+  bearing between shafts is.
 * `angles = ["0 deg", "90 deg"]` in place of `angle` stands for one part at each of these angles.
 * In the tables below, a key that is "needed" must be given; one that is "absent" has no effect until it
   is given. A default has the reason why it adds nothing to what is drawn.
 * The name of a parameter is that of its table and key: `disc.mass`, `limiters.0.gap`. `--set`, `--over`
-  and `scene.replace` use these names.
+  and `scene.replace` use these names. Those of a further shaft are `coaxial_shaft.ratio` and
+  `coaxial_shaft.body.length`, or `shafts.hp.ratio` and `shafts.hp.length`.
 
 The file may begin with `title`, a text that figures show, and `assumption`, a text that says what of the
 rotor is assumed, and that every result repeats.
@@ -50,10 +57,13 @@ def page() -> str:
     """The whole page."""
     parts = [INTRODUCTION, "## The shaft\n", "One of these models.\n"]
     parts += [_part(name, cls, "[shaft]") for name, cls in models(shafts, AbstractShaft).items()]
+    parts += [_further_shaft()]
     parts += [_part("step", Step, "[[shaft.steps]]")]
     parts += [_part("constraint", Constraint, "[[shaft.constraints]]")]
     parts += [_part("material", Material, "[shaft.material]"), "## Effects\n"]
     for kind, cls in exported().items():
+        if cls is CoaxialShaft:
+            continue
         parts.append(_part(kind, cls, f"[{kind}]"))
         parts += [_form(form) for form in FORMS if form.of is cls]
     parts += ["## Rotation\n", "One of these models.\n"]
@@ -70,8 +80,22 @@ def examples(name: str) -> list[str]:
     return EXAMPLES[name]
 
 
+def _further_shaft() -> str:
+    """Several shafts; what one beside the first has is the model of a shaft and keys of its own."""
+    fields = [field for field in dataclasses.fields(CoaxialShaft) if field.name in KEYS]
+    name = CoaxialShaft.kind
+    rows = [(f.name, _unit(f), _with_reason(_default(f), name, f.name)) for f in fields]
+    head = [
+        "### `[shafts.NAME]`, several shafts\n",
+        "The first table is a shaft as above; a further one has these keys, too. Its own stations, of\n"
+        "`steps` and `constraints`, are from its own left end.\n",
+        _section(name, "", CoaxialShaft, rows).partition("\n\n")[2],
+    ]
+    return "\n".join(head)
+
+
 def _part(name: str, cls: type, table: str) -> str:
-    fields = [field for field in dataclasses.fields(cls) if field.init]
+    fields = [field for field in dataclasses.fields(cls) if field.init and field.name != "shaft"]
     rows = [
         (field.name, _unit(field), _with_reason(_default(field), name, field.name))
         for field in fields

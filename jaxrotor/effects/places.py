@@ -32,6 +32,12 @@ def check_casings(effects: tuple[AbstractEffect, ...], shafts: Sequence[str] = (
     parts = [(effect, getattr(effect, key, None)) for effect in effects for key in ("of", "on")]
     parts = [(effect, name) for effect, name in parts if name is not None]
     for _, name in parts:
+        if name not in (*names, *shafts) and shafts:
+            every = (*names, *shafts)
+            near = suggest(str(name), every)
+            raise ValueError(
+                f"There is no casing or shaft {name!r}{near}; the scene has: {', '.join(every)}."
+            )
         if name not in shafts:
             check_casing(name, names)
     held = [name for effect, name in parts if not isinstance(effect, AbstractContact)]

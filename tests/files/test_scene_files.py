@@ -36,7 +36,8 @@ def test_every_example_is_a_scene(script):
     for name, texts in script.EXAMPLES.items():
         for text in texts:
             own = tomllib.loads(text)
-            base = [part for key, part in BASE.items() if key not in own and key != "sweep"]
+            given = {*own, "sweep", *(["shaft"] if "shafts" in own else [])}
+            base = [part for key, part in BASE.items() if key not in given]
             if name in ("step", "constraint", "material"):  # a table inside that of the shaft
                 base = [BASE["shaft"], text, BASE["spin"]]
             elif name == "sweep":
