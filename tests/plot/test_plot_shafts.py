@@ -45,7 +45,11 @@ def test_a_hollow_shaft_is_a_tube_around_the_first_one():
     discs = [b for b in ax.patches if b.get_alpha() == 0.6]
     assert len(discs) == 6  # those of lp, and two halves of each of hp, above and below its tube
     heights = sorted(round(b.get_height(), 6) for b in discs)
-    assert heights == pytest.approx([108.0] * 4 + [250.0] * 2)
+    lp, hp = (
+        np.hypot(125.0, 10.0),
+        np.hypot(125.0, 17.0),
+    )  # solid discs of the inertia of bored ones
+    assert heights == pytest.approx([hp - 17.0] * 4 + [2 * lp] * 2)
     (heavy,) = [line for label, line in lines(ax).items() if label == "unbalance"]
     np.testing.assert_allclose(heavy.get_xdata(), [270.5, 718.5, 450.5, 592.5])
     np.testing.assert_allclose(heavy.get_ydata(), [10, 10, 17, 17])
@@ -98,10 +102,6 @@ def test_campbell_has_a_line_of_every_shaft():
         [np.transpose(one.get_data()) for one in mirrored.lines if one.get_marker() == "o"]
     )
     x, y = np.transpose(rings)  # on the branches as drawn: backward whirl of lp at negative speeds
-    for branch, way in zip(
-        np.asarray(result.frequencies).T, np.asarray(result.forward).T, strict=True
-    ):
-        assert set(np.sign(way)) <= {-1, 1}
     ahead = np.asarray(result.forward)[-1] > 0
     curves = np.abs(np.asarray(result.frequencies))
     for at, height in zip(x, y, strict=True):
