@@ -43,6 +43,7 @@ PAGES = [
         "docs/concepts/cracks.md",
         "docs/concepts/rolling-bearings.md",
         "docs/concepts/magnetic-bearings.md",
+        "docs/concepts/several-shafts.md",
     ),
     *sorted(str(p.relative_to(ROOT)) for p in ROOT.glob("docs/[gt]*/*.md")),
 ]
