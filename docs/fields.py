@@ -46,6 +46,7 @@ PLAIN = {  # fields that are declared without a comment
     "AbstractEffect.kind": KIND,
     "AbstractEffect.plural": PLURAL,
     "Casing.name": "name by which supports refer to it",
+    "CoaxialShaft.body": "model of the shaft, with stations from its own left end on",
     "Continued.q": "coordinates",
     "Continued.velocity": "their velocities",
     "Launch.shaft": "state of the shaft",

@@ -193,7 +193,11 @@ def critical(
         turning = [[f"{x:.9g}" for x in one["shaft_speeds"].values()] for _, one in pairs]
         rows = [(*row[:4], *own) for row, own in zip(rows, turning, strict=True)]
     end = end_of_search(rotor, kinds, count, IN_FILMS if in_films else IN_TABLES)
-    notes = {"held": free and f"free: {free}", "statically unstable": unstable, "critical": end}
+    notes: dict[str, Any] = {
+        "held": free and f"free: {free}",
+        "statically unstable": unstable,
+        "critical": end,
+    }
     notes["by"] = rotor.shafts and f"unbalance of {by or rotor.shafts[0]}"
     facts |= {"by": by or rotor.shafts[0]} if rotor.shafts else {}
     numbers = range(1, len(heads))

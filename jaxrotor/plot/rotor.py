@@ -160,7 +160,7 @@ def _bodies(scene: Scene) -> list[_Body]:
     starts = [0.0 if one.start is None else _drawn(one.start) for one in scene.placed()]
     shades = (SHADES[i % len(SHADES)] for i in range(len(names)))
     rows = zip(scene.placed(), starts, names, shades, strict=True)
-    return [_Body(one.shaft, *own) for one, *own in rows]
+    return [_Body(one.shaft, start, name, shade) for one, start, name, shade in rows]
 
 
 def _shaft(ax: Axes, body: _Body) -> float:

@@ -898,7 +898,7 @@ def study_of(text):
             "[disc]",
             "[disk]",
             "disk is not a part of a scene (did you mean `[disc]`?); it has: title, assumption, "
-            "shaft, annular_stator, ball_balancer, ball_contact, casing, coupling, oldham_coupling, "
+            "shaft, shafts, annular_stator, ball_balancer, ball_contact, casing, coupling, oldham_coupling, "
             "crack, cubic_spring, disc, ",
         ),
         (
