@@ -898,8 +898,8 @@ def study_of(text):
             "[disc]",
             "[disk]",
             "disk is not a part of a scene (did you mean `[disc]`?); it has: title, assumption, "
-            "shaft, shafts, annular_stator, ball_balancer, ball_contact, casing, coupling, oldham_coupling, "
-            "crack, cubic_spring, disc, ",
+            "shaft, shafts, annular_stator, ball_balancer, ball_contact, casing, coupling, "
+            "oldham_coupling, crack, cubic_spring, disc, ",
         ),
         (
             "[disc]",
