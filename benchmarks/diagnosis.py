@@ -1,4 +1,4 @@
-"""Confusion and calibration of `jr.diagnose`: records of five kinds of a machine, with 5 % of noise.
+"""Confusion and calibration of `jr.diagnose`: records of six kinds of a machine, with 5 % of noise.
 
 A disc on a shaft in bearings turns at 0.6 of its critical speed. Parameters of unbalance and fault are
 drawn from their bounds, the motion is simulated for 200 revolutions, and the next one is recorded by 64
@@ -77,6 +77,14 @@ CANDIDATES = {
     "worn bearing": (
         in_place_of_support(jr.Support(0.5, K / 2), RING),
         {"annular_stator.gap": (1e-5, 3e-4)},
+    ),
+    "misaligned": (
+        in_place_of_support(jr.Support(0.5, 0.9 * K), jr.Coupling(0.5, 0.1 * K, 0.1)),
+        {
+            "coupling.offset": (2e-5, 5e-4),
+            "coupling.direction": (-2.5, 2.5),
+            "coupling.anisotropy": (0.05, 0.8),
+        },
     ),
 }
 

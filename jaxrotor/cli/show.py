@@ -4,7 +4,7 @@ import tomllib
 from collections.abc import Callable
 from itertools import groupby
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import jax
 import numpy as np
@@ -16,6 +16,7 @@ from ..analysis.modal import KINDS
 from ..analysis.resolved import resolved
 from ..analysis.static_instability import static_instability
 from ..core.parallel import in_threads
+from ..effects.places import of_first_order
 from ..equations.rigid_motions import CURE, unheld
 from ..equations.system import assemble, structure
 from ..files.shipped import source
@@ -118,11 +119,22 @@ def show(
             **{f"{kind}, at speed": speeds(own) for kind, own in whirl.items() if own},
         }
     )
-    about = "" if linear is rotor else f"; `jaxrotor campbell {scene}` has whirl over the speed"
-    rows += _critical_rows(critical, no_critical.partition("; give")[0] + about, rate)
+    rows += _critical_rows(
+        critical, _why_not_critical(scene, linear is not rotor and linear, no_critical), rate
+    )
     lost = f"at {speeds(onset['speed'])}" if onset else not refused and why
     rows += answer.filled({"critical": end, "loses stability": lost})
     answer.give(as_json, facts, table, rows + files.rows)
+
+
+def _why_not_critical(scene: str, linear: Scene | Literal[False], why: str) -> str:
+    """Why there are no critical speeds, and what answers where a scene is `linear` at rest."""
+    why, answers = why.partition("; give")[0], []
+    if linear:
+        answers = [f"`jaxrotor campbell {scene}` has whirl over the speed"]
+    if linear and not of_first_order(linear.effects):
+        answers.insert(0, f"`jaxrotor critical {scene}` has them there")
+    return "; ".join([why, *filter(None, [", ".join(answers)])])
 
 
 def _linear(rotor: Scene, linear: Scene) -> tuple[str, int, Any, Any, Any]:

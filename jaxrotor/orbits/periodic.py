@@ -8,6 +8,7 @@ import diffrax as dfx
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 import optimistix as optx
 from jaxtyping import Array, ArrayLike, Float
 
@@ -15,7 +16,7 @@ from ..core.checks import check_counts
 from ..core.compiled import QUICKLY, compiled_quickly
 from ..core.progress import waiting
 from ..core.quantities import known
-from ..equations.start import AbstractStart, Continued
+from ..equations.start import AbstractStart
 from ..equations.system import System, assemble, port_groups
 from ..motion.history import TimeHistory
 from ..motion.rebounds import Rebounds, in_revolutions
@@ -24,6 +25,7 @@ from ..scene import Scene
 from ..solvers.choice import choose, solver_name
 from ..solvers.exponential import Exponential
 from .guess import OrbitGuess, autonomous_guess, repeated_guess, revolutions_of
+from .memory import named_samples, one_way_states, parts_of, start_on
 from .orbit import OrbitError, PeriodicOrbit, winding_angle
 from .passes import cycle_of, with_cycle
 from .shooting import (
@@ -103,7 +105,7 @@ def periodic(
     """
     solver = Exponential(4, located=True) if solver is None else solver
     check_counts(steps_per_revolution=steps_per_revolution, max_iterations=max_iterations)
-    check_constant(scene, "`periodic`", turning=True)
+    check_constant(scene, "`periodic`", memory=True)
     stations, together = scene.stations(at), port_groups(scene)
     system = assemble(scene, together)
     cycle = cycle_of(scene, system, "`periodic`")
@@ -133,6 +135,14 @@ def periodic(
     with waiting(progress, "periodic orbit"):
         found = find(scene, system, stations, first, *settings, max_iterations)
         failed = known(found.converged) and not bool(found.converged)
+    if throw and failed and system.state_count:
+        along = _states_along(system, stations, first, chosen, together)
+        if names := one_way_states(scene, np.asarray(along)):
+            raise RuntimeError(
+                f"No orbit was found near the guess, along which a state of a law ({names}) goes on in "
+                "one sense: where it can only grow, as wear does, no motion repeats; follow it by "
+                "`jaxrotor.simulate`."
+            )
     if throw and failed:
         residual = float(found.residual)
         still = f"the residual is still {residual:.1e} of the state"
@@ -152,7 +162,7 @@ def periodic(
         return found
     finer = dataclasses.replace(
         first,
-        start=found.start.state(system, stations[0]),
+        start=parts_of(found.start, system, stations[0]),
         span=first.span if revolutions else first.rate * found.period,
         steps=2 * first.steps,
     )
@@ -191,18 +201,18 @@ def _find(
     samples = jax.tree.map(lambda leaf: jnp.where(converged, joined(leaf), jnp.nan), shot.samples)
     jacobian = jnp.where(converged, shot.jacobian, jnp.nan)
     multipliers, trivial = shooting.multipliers(x, jacobian)
-    (q, velocity), span = shooting.decode(x), shooting.length(x)
+    span = shooting.length(x)
     period = shooting.revolutions * span / guess.rate
     turn = winding_angle(samples.displacement[:, 0], guess.turn)
     return PeriodicOrbit(
-        start=Continued(q, velocity),
+        start=start_on(*shooting.decode(x)),
         period=period,
         turn=turn,
         whirl_rate=turn / (period * scene.spin.speed),
         multipliers=multipliers,
         trivial=trivial,
         time=jnp.linspace(0.0, period, samples.displacement.shape[0]),
-        **samples._asdict(),
+        **samples._asdict() | {"states": named_samples(scene, samples.states)},
         stations=stations,
         residual=residual,
         iterations=root.stats["num_steps"],
@@ -227,6 +237,18 @@ def _stiffness_ratios(system, solver, together, stations, rate, span, steps):
 _COMPILED = eqx.filter_jit(_find)
 # Compilation takes most of the time of a single orbit, and optimised code is hardly faster.
 _COMPILED_QUICKLY = eqx.filter_jit(_find, **QUICKLY)
+
+
+@compiled_quickly
+def _states_along(
+    system: System, stations: Array, guess: OrbitGuess, solver: Exponential, together: Any
+) -> Float[Array, "T k"]:
+    """States of laws along the guess."""
+    plan = plan_of(solver, together, guess.steps)
+    period = guess.span, guess.turn, guess.start, guess.revolutions
+    shooting = Shooting.near(system, plan, stations, guess.rate, *period)
+    _, (samples, _) = shooting.residual(shooting.first)
+    return joined(samples.states)
 
 
 def _changes(found: PeriodicOrbit, finer: PeriodicOrbit) -> OrbitError:

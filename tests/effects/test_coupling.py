@@ -193,6 +193,22 @@ def test_reactions_at_rest():
     np.testing.assert_allclose(found.static, [-k * z / 2] * 2, rtol=1e-9)
 
 
+@pytest.mark.parametrize("body", [False, True])
+def test_force_of_a_coupling(body):
+    """It is what accelerates the disc beside spring and damper, `z_0 + z_2 exp(2 i theta)`."""
+    scene, speed = machine(150.0, body=body), 150.0
+    found = jr.reactions(jr.simulate(scene, 1, 8, start=settled(scene), solver=jr.Exponential(4)))
+    z0, z2 = 1e-6 * response(scene)
+    turn = np.exp(2j * speed * np.asarray(found.time))
+    wanted = K * (z0 + z2 * turn) + (2j * speed * C - M * (2 * speed) ** 2) * z2 * turn
+    np.testing.assert_allclose(found.of("coupling"), wanted, rtol=1e-9)
+
+
+def settled(scene):
+    """The state at angle 0 of the steady motion."""
+    return jr.simulate(scene, 400, 8, keep=1).end
+
+
 @pytest.mark.slow
 def test_sweep_steps_lanes_by_the_same_loads():
     rotor = machine(150.0, jr.Limiter(0.5, 0.4, 5e-5, 4e5, 40.0))
