@@ -79,7 +79,7 @@ CANDIDATES = {
         {"annular_stator.gap": (1e-5, 3e-4)},
     ),
     "misaligned": (
-        in_place_of_support(jr.Support(0.5, 0.9 * K), jr.Coupling(0.5, 0.1 * K, 0.1)),
+        in_place_of_support(jr.Support(0.5, 0.9 * K), jr.Coupling(0.5, 0.1 * K, 0.2, offset=1e-4)),
         {
             "coupling.offset": (2e-5, 5e-4),
             "coupling.direction": (-2.5, 2.5),

@@ -6,7 +6,7 @@ Exponential steps propagate the deviation from the rest position of the linear r
 only films hold has none. So films lend it their damping about the centre, and that times the speed as a
 stiffness; what is left of their forces stays at the ports. The motion is the same. So do bearings whose
 balls pass and laws with states, such as magnetic bearings, by a stiffness that holds the inertia at their
-station at the speed of rotation.
+station at the speed of rotation; and the latter by a damping.
 """
 
 import dataclasses
@@ -44,10 +44,14 @@ def _lending(port: Port, system: System) -> Port:
     if not films:
         # Any value serves. That of a bearing would depend on its load, and there may be no gap.
         yielding = port.row @ linalg.solve(system.blocks.inertia, port.column)
-        stiffness = system.spin.speed**2 / yielding
-        if port.places:
-            stiffness = jnp.where(stiffness > 0, stiffness, port.hardness()[0])
-        return dataclasses.replace(port, lent=jnp.stack([stiffness, jnp.zeros(())]))
+        speed = jnp.abs(system.spin.speed)
+        stiffness, damping = speed**2 / yielding, jnp.zeros(())
+        if (
+            port.places
+        ):  # undamped, a mass that they alone hold would be in resonance with its unbalance
+            stiffness = jnp.where(speed > 0, stiffness, port.hardness()[0])
+            damping = speed / yielding
+        return dataclasses.replace(port, lent=jnp.stack([stiffness, damping]))
     damping = dataclasses.replace(port, laws=films).hardness()[1]
     return dataclasses.replace(
         port, lent=jnp.stack([damping * jnp.abs(system.spin.speed), damping])

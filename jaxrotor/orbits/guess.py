@@ -10,7 +10,6 @@ import numpy as np
 from jaxtyping import Array, ArrayLike, Complex, Float
 
 from ..core.quantities import Scalar, known
-from ..effects.law import States
 from ..equations.pencil import frame
 from ..equations.start import AbstractStart, shaft_of
 from ..equations.system import System
@@ -34,7 +33,7 @@ class OrbitGuess(eqx.Module):
     """Start, period and rotation of an orbit, before Newton's method."""
 
     # Coordinates [m], velocities [m/s] and states of laws:
-    start: tuple[Complex[Array, " n"], Complex[Array, " n"], States]
+    start: tuple[Complex[Array, " n"], Complex[Array, " n"], Float[Array, " k"]]
     rate: Scalar  # [rad/s]
     span: Scalar  # of the period [rad]; of a revolution where the period is given
     turn: Scalar  # [rad]

@@ -13,7 +13,6 @@ import numpy as np
 from jaxtyping import Array, Complex, Float
 
 from ..core.quantities import Scalar, known
-from ..effects.law import States
 from ..equations.start import AbstractStart, Continued, Launch, states_of
 from ..equations.system import System, phrase, state_names
 from ..motion.revolutions import March
@@ -41,12 +40,12 @@ def steps_for_states(system: System, steps: int, length: Scalar, guess: Any = No
 
 def parts_of(
     start: AbstractStart, system: System, at: Scalar
-) -> tuple[Complex[Array, " n"], Complex[Array, " n"], States]:
+) -> tuple[Complex[Array, " n"], Complex[Array, " n"], Float[Array, " k"]]:
     """Coordinates [m], velocities [m/s] and states of laws in a start."""
     return *start.state(system, at), states_of(start, system)
 
 
-def state_in(march: March, y: Array) -> tuple[Array, Array, States]:
+def state_in(march: March, y: Array) -> tuple[Array, Array, Float[Array, " k"]]:
     """Coordinates [m], velocities [m/s] and states of laws of a state at a whole revolution."""
     q, velocity, *others = march.decode(y)
     return q, velocity, others[-1] if others else jnp.zeros(0)

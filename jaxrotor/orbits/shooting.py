@@ -21,7 +21,6 @@ from ..analysis.floquet import multipliers_of
 from ..core import linalg
 from ..core.plane import plane
 from ..core.quantities import Scalar
-from ..effects.law import States
 from ..equations.constant_frame import steady_amplitudes
 from ..equations.lent import with_lent_films
 from ..equations.stationary_frame import Motion
@@ -76,7 +75,7 @@ class Shooting(eqx.Module):
         rate: Scalar,
         span: Scalar,
         turn: Scalar,
-        start: tuple[Complex[Array, " n"], Complex[Array, " n"], States],
+        start: tuple[Complex[Array, " n"], Complex[Array, " n"], Float[Array, " k"]],
         revolutions: int | None,
     ) -> "Shooting":
         """The problem near a start, see `encode`; with `revolutions=None` the period is unknown."""
@@ -108,13 +107,15 @@ class Shooting(eqx.Module):
         return self.guess if self.normal is None else jnp.append(self.guess, 1.0)
 
     def encode(
-        self, q: Complex[Array, " n"], velocity: Complex[Array, " n"], states: States
+        self, q: Complex[Array, " n"], velocity: Complex[Array, " n"], states: Float[Array, " k"]
     ) -> Float[Array, " m"]:
         """State of coordinates [m], velocities [m/s] and states of laws."""
         state = jnp.concatenate([q, velocity / self.rate])
         return jnp.concatenate([state.real, state.imag, states]) / self.size
 
-    def decode(self, x: Array) -> tuple[Complex[Array, " n"], Complex[Array, " n"], States]:
+    def decode(
+        self, x: Array
+    ) -> tuple[Complex[Array, " n"], Complex[Array, " n"], Float[Array, " k"]]:
         """Coordinates [m], velocities [m/s] and states of laws of a state."""
         n = self.system.n
         real, imag, states = jnp.split(self.size * x[: self.guess.size], [2 * n, 4 * n])

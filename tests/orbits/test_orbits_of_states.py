@@ -39,7 +39,7 @@ PLAIN = jr.Exponential(4)
 
 
 def unbalanced(eccentricity, *parts, **values):
-    given = {"speed": SPEED, "weight": 0.0} | values
+    given = {"speed": SPEED, "weight": 0.0, "limit": None} | values
     return machine(jr.Unbalance(0.5, MASS, eccentricity), *parts, **given)
 
 
@@ -90,7 +90,7 @@ def test_multipliers_are_those_of_the_roots():
 
 def test_rest_under_weight():
     """Along y the current that bears the weight adds to the negative stiffness."""
-    scene = machine(speed=SPEED)
+    scene = machine(speed=SPEED, limit=None)
     found = jr.periodic(scene, jr.AtRest(), revolutions=1, solver=PLAIN)
     current = MASS * EARTH * GAP**2 / (4 * CONSTANT * BIAS)
     assert np.abs(np.asarray(found.displacement)).max() < 1e-12
