@@ -205,6 +205,13 @@ def show(names, causes, sizes, found):
     for what, chosen in (("with the cause among the candidates", best), ("without it", second)):
         share = np.mean(tests[rows, chosen][faults] < LEVEL)
         print(f"none of these, faults that the signal carries, {what}: {100 * share:.1f} %")
+    for i, name in enumerate(
+        names[1:], 1
+    ):  # which other candidates pass for a cause that is left out
+        own = faults & (true == i)
+        passed = np.bincount(second[own][tests[rows, second][own] >= LEVEL], minlength=len(names))
+        others = ", ".join(f"{n} {k}" for n, k in zip(names, passed, strict=True) if k)
+        print(f"  {name}, left out, of {own.sum()} passes for: {others or 'none'}")
 
 
 def confusion(names, what, true, said):

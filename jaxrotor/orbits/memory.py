@@ -59,11 +59,9 @@ def start_on(
     return Launch(shaft, states=states) if states.size else shaft
 
 
-def named_samples(
-    scene: Scene, states: Float[Array, "T k"] | None
-) -> dict[str, Float[Array, " T"]]:
-    """States of laws at the samples of an orbit, by their names."""
-    columns = () if states is None else jnp.moveaxis(states, -1, 0)
+def named_samples(scene: Scene, states: Any) -> dict[str, Float[Array, " T"]]:
+    """States of laws at the samples of an orbit, (T, k) or None without any, by their names."""
+    columns = () if states is None else jnp.moveaxis(jnp.asarray(states), -1, 0)
     return dict(zip(state_names(scene), columns, strict=True))
 
 

@@ -59,8 +59,9 @@ def periodic(
 
     Periodic motions are computed by shooting: Newton's method on the difference between the state and
     itself one period later. The Jacobian is that of the steps themselves, jumps at changes of contact
-    included, and its eigenvalues are the multipliers. With unbalance, `T` is a number of `revolutions`
-    and `turn` is 0. In rolling bearings without unbalance, `T` is a number of passes of their balls, by
+    included, and its eigenvalues are the multipliers. States of laws, as of the controller of a
+    `MagneticBearing`, return with it, and have multipliers too. With unbalance, `T` is a number of
+    `revolutions` and `turn` is 0. In rolling bearings without unbalance, `T` is a number of passes of their balls, by
     `2 pi / balls` of the cage. Else, without unbalance, `T` is unknown and, where stops at equal angles
     leave a scene as it is when rotated, an orbit may return rotated.
 
@@ -77,7 +78,8 @@ def periodic(
         period: of a scene without unbalance [s], near that of the orbit; by default it is estimated
             from the guess. A quasi-periodic or chaotic guess, which returns after many revolutions by
             chance alone, is refused.
-        steps_per_revolution: of the shaft; a short period takes at least 16 steps.
+        steps_per_revolution: of the shaft; a short period takes at least 16 steps, and states of laws
+            as many as follow what they do by themselves.
         solver: `Exponential(4, located=True)` by default. Sharp stops take located steps.
         tolerance: largest residual, relative to the largest of the state.
         finder: root finder of optimistix, by default its Newton; `optimistix.Dogleg` and
@@ -99,7 +101,7 @@ def periodic(
         ValueError: if an argument is out of its range or of another type, the speed is not constant,
             `revolutions` is combined with `turn` or `period`, the guess shows no period, or `turn` does
             not leave the scene as it is.
-        RuntimeError: if no orbit is found, unless `throw` is False.
+        RuntimeError: if no orbit is found, unless `throw` is False, as where a state of a law only grows.
 
     Source: Parker, Chua (1989), Practical Numerical Algorithms for Chaotic Systems, sections 5.2, 5.3.
     """
@@ -135,23 +137,8 @@ def periodic(
     with waiting(progress, "periodic orbit"):
         found = find(scene, system, stations, first, *settings, max_iterations)
         failed = known(found.converged) and not bool(found.converged)
-    if throw and failed and system.state_count:
-        along = _states_along(system, stations, first, chosen, together)
-        if names := one_way_states(scene, np.asarray(along)):
-            raise RuntimeError(
-                f"No orbit was found near the guess, along which a state of a law ({names}) goes on in "
-                "one sense: where it can only grow, as wear does, no motion repeats; follow it by "
-                "`jaxrotor.simulate`."
-            )
     if throw and failed:
-        residual = float(found.residual)
-        still = f"the residual is still {residual:.1e} of the state"
-        raise RuntimeError(
-            f"No orbit was found near the guess: after {int(found.iterations)} iterations "
-            f"{still if math.isfinite(residual) else 'the state diverged'}. Take a guess that "
-            "has settled for longer (a chaotic motion settles on none, see `jaxrotor.lyapunov`), check "
-            "`revolutions`, `turn` and `period`, or try `finder=optimistix.Dogleg(1e-10, 1e-10)`."
-        )
+        raise RuntimeError(_failure(scene, system, stations, first, chosen, together, found))
     if not (failed or traced) and system.members:
         span = jnp.asarray(2 * jnp.pi) if revolutions else first.rate * found.period
         ratio = _stiffness_ratios(system, chosen, together, stations, first.rate, span, first.steps)
@@ -168,6 +155,34 @@ def periodic(
     )
     repeated = find(scene, system, stations, finer, *settings, max_iterations)
     return dataclasses.replace(found, error=_changes(found, repeated))
+
+
+def _failure(
+    scene: Scene,
+    system: System,
+    stations: Array,
+    first: OrbitGuess,
+    chosen: Exponential,
+    together: Any,
+    found: PeriodicOrbit,
+) -> str:
+    """Why no orbit was found, and what to do."""
+    if system.state_count:
+        along = _states_along(system, stations, first, chosen, together)
+        if names := one_way_states(scene, np.asarray(along)):
+            return (
+                f"No orbit was found near the guess, along which a state of a law ({names}) goes on in "
+                "one sense: where it can only grow, as wear does, no motion repeats; follow it by "
+                "`jaxrotor.simulate`."
+            )
+    residual = float(found.residual)
+    still = f"the residual is still {residual:.1e} of the state"
+    return (
+        f"No orbit was found near the guess: after {int(found.iterations)} iterations "
+        f"{still if math.isfinite(residual) else 'the state diverged'}. Take a guess that "
+        "has settled for longer (a chaotic motion settles on none, see `jaxrotor.lyapunov`), check "
+        "`revolutions`, `turn` and `period`, or try `finder=optimistix.Dogleg(1e-10, 1e-10)`."
+    )
 
 
 def _find(

@@ -138,7 +138,7 @@ class ContinuationProblem(eqx.Module):
             displacement=jnp.asarray(samples.displacement[:, :stations]),
             velocity=jnp.asarray(samples.velocity[:, :stations]),
             contact_force=None if force is None else jnp.asarray(force),
-            states=jax.tree.map(jnp.asarray, named_samples(scene, samples.states)),
+            states=named_samples(scene, samples.states),
             stations=self.stations,
             residual=residual,
             iterations=jnp.asarray(iterations),
@@ -319,7 +319,8 @@ def problem_of(
     state: Any = np.concatenate([q, velocity / rate])
     moved = np.concatenate([np.ravel(orbit.displacement), np.ravel(orbit.velocity) / rate])
     size = float(np.abs(np.concatenate([state, moved])).max()) or 1.0
-    states = np.array([np.abs(one).max() for one in orbit.states.values()])
+    along = [orbit.states[name] for name in state_names(scene)]
+    states = np.array([np.abs(one).max() for one in along])
     sizes = sizes_of(system, jnp.asarray(size), states)
     sizes = jnp.where(sizes > 0, sizes, 1.0)
     problem = ContinuationProblem(
@@ -335,7 +336,7 @@ def problem_of(
         images=images,
         passes=orbit.passes,
     )
-    begin = [one[0] for one in orbit.states.values()]
+    begin = [one[0] for one in along]
     x = np.concatenate([state.real, state.imag, begin]) / np.asarray(sizes)
     s = [one.place(own(scene, one.path)) for one in parameters]
     return problem, np.concatenate([x, [1.0] if autonomous else [], s])

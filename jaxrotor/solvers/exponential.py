@@ -217,7 +217,7 @@ def _seen(
     phase: Float[Array, "2 ..."],
     y: Float[Array, "m2 ..."],
 ) -> Float[Array, "r ..."]:
-    """What the stations read, and states of laws, at a phase."""
+    """Readings of the stations, and then states of laws, at a phase."""
     if not step.forcing.others:
         return stations.of_lanes(phase, y)
     w, x = jnp.split(y, [len(y) - step.forcing.others])
