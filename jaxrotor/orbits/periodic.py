@@ -61,9 +61,9 @@ def periodic(
     itself one period later. The Jacobian is that of the steps themselves, jumps at changes of contact
     included, and its eigenvalues are the multipliers. States of laws, as of the controller of a
     `MagneticBearing`, return with it, and have multipliers too. With unbalance, `T` is a number of
-    `revolutions` and `turn` is 0. In rolling bearings without unbalance, `T` is a number of passes of their balls, by
-    `2 pi / balls` of the cage. Else, without unbalance, `T` is unknown and, where stops at equal angles
-    leave a scene as it is when rotated, an orbit may return rotated.
+    `revolutions` and `turn` is 0. In rolling bearings without unbalance, `T` is a number of passes of
+    their balls, by `2 pi / balls` of the cage. Else, without unbalance, `T` is unknown and, where stops
+    at equal angles leave a scene as it is when rotated, an orbit may return rotated.
 
     Args:
         scene: the rotor, at constant speed.
