@@ -263,6 +263,7 @@ def _states_along(
     period = guess.span, guess.turn, guess.start, guess.revolutions
     shooting = Shooting.near(system, plan, stations, guess.rate, *period)
     _, (samples, _) = shooting.residual(shooting.first)
+    assert samples.states is not None
     return joined(samples.states)
 
 

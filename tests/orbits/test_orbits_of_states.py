@@ -26,7 +26,7 @@ from magnetic_bearing import (
     PER_AMPERE,
     machine,
 )
-from own_laws import WornRim
+from own_laws import LimitedDrive, WornRim
 from scipy.integrate import solve_ivp
 from scipy.optimize import linear_sum_assignment
 
@@ -68,6 +68,7 @@ def small():
     return jr.periodic(unbalanced(SMALL), jr.AtRest(), solver=PLAIN)
 
 
+@pytest.mark.slow
 def test_small_orbit_is_the_circle_of_the_closed_loop():
     found = small()
     z = np.asarray(found.displacement[:, 0])
@@ -81,6 +82,7 @@ def test_small_orbit_is_the_circle_of_the_closed_loop():
     assert found.stable and found.multipliers.size == 10
 
 
+@pytest.mark.slow
 def test_multipliers_are_those_of_the_roots():
     """Two axes with five roots each, the slowest of which are those of the integrals."""
     found = small()
@@ -241,6 +243,34 @@ def test_traced_values_take_the_steps_of_the_guess():
     )
     with pytest.raises(ValueError, match="counted by the rates of the states of laws"):
         jax.jvp(start, (KP,), (1.0,))
+
+
+@pytest.mark.slow
+def test_orbit_of_its_own_period():
+    """`(a - s) z.` balances a damper on the circle `b r^2 = a - c`, at the natural frequency.
+
+    Its multipliers are by the roots of `r` and `s` about it, as z turns: `z = r exp(i phi)`.
+    """
+    stiffness, damping, gain, limit, lag = 1e6, 30.0, 80.0, 5e9, 2e-3
+    parts = jr.MasslessShaft(1.0, 0.5, stiffness), jr.Disc(0.5, MASS), jr.DiscDamping(0.5, damping)
+    drive = LimitedDrive(0.5, gain, limit, lag)
+    scene = jr.Scene(*parts, drive, spin=jr.ConstantSpeed(SPEED))
+    rate, radius = np.sqrt(stiffness / MASS), np.sqrt((gain - damping) / limit)
+    start = jr.Launch(jr.Whirl(1.02 * radius, rate), states=[0.98 * (gain - damping)])
+    found = jr.periodic(scene, start, turn=0.0, period=2 * np.pi / rate, solver=PLAIN)
+    assert float(found.period) == pytest.approx(2 * np.pi / rate, rel=1e-8)
+    np.testing.assert_allclose(np.abs(found.displacement), radius, rtol=1e-6)
+    np.testing.assert_allclose(found.states["limited_drive.seen"], gain - damping, rtol=1e-6)
+    assert float(found.trivial) == pytest.approx(1.0, abs=1e-6)
+    # z = (r + u) exp(i w t), u = x + i y: m (u.. + 2 i w u.) = (a - c - s) u. - (s - s0)(u. + i w (r + u))
+    inertia, twice = np.eye(2), 2 * rate * np.array([[0.0, -1.0], [1.0, 0.0]])
+    zero, none = np.zeros((2, 2)), np.zeros((2, 1))
+    push = -rate * radius / MASS * np.array([[0.0], [1.0]])  # of the state, along the motion
+    seen = np.array([[2 * limit * radius / lag, 0.0, 0.0, 0.0, -1 / lag]])
+    matrix = np.block([[zero, inertia, none], [zero, -twice, push], [seen]])
+    roots = np.linalg.eigvals(matrix)
+    wanted = np.exp(np.delete(roots, np.abs(roots).argmin()) * 2 * np.pi / rate)
+    assert away(found.multipliers, wanted) < 1e-5
 
 
 # === what does not return
