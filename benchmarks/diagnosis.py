@@ -5,7 +5,7 @@ drawn from their bounds, the motion is simulated for 200 revolutions, and the ne
 samples with noise of 5 % of the root mean square of the vibration, in x and in y. Each
 candidate is then fitted to each record.
 
-    python benchmarks/diagnosis.py --starts 2   # nine minutes on one core
+    python benchmarks/diagnosis.py --records 60 --starts 3   # nine minutes on one core
     python benchmarks/diagnosis.py --records 3  # still compiles for minutes
 
 prints causes and diagnoses, of all records and of those whose signal carries the answer (the sum of
