@@ -35,8 +35,9 @@ def roots(
 ) -> None:
     """Complex roots: whirl frequencies, damping, direction and stability, without contact.
 
-    The logarithmic decrement (log dec) is `-2 pi Re / |Im|` of a root, the growth its real part. In
-    films, seals, rolling and magnetic bearings the roots are those about the static position at the speed.
+    The logarithmic decrement (log dec) is `-2 pi Re / |Im|` of a root; one that does not whirl
+    has its growth per second there. In films, seals, rolling and magnetic bearings the roots are those
+    about the static position at the speed.
 
     jaxrotor roots limiter-rotor --speed 6000rpm --count 4
     """
@@ -52,17 +53,15 @@ def roots(
             f"{root['frequency_hz']:.6g}",
             *([f"{root['shaft_frequency']:.7g}"] if rotating else []),
             f"{root['damping_ratio']:.4g}" if root["root"] else "-",
-            f"{root['log_decrement']:.4g}" if root["frequency"] else "-",
-            f"{root['root'].real:.5g}",
+            f"{root['log_decrement']:.4g}" if root["frequency"] else f"{root['root'].real:.3g}/s",
             root["direction"],
             root["stability"],
         )
         for root in found
     ]
     own = ["shaft's axes"] if rotating else []
-    heads = ("whirl [rad/s]", "[Hz]", *own, "damping", "log dec", "growth [1/s]")
-    heads += "direction", "stability"
-    answer.give(as_json, facts, answer.Table(rows, heads, range(len(own) + 5)))
+    heads = ("whirl [rad/s]", "[Hz]", *own, "damping", "log dec", "direction", "stability")
+    answer.give(as_json, facts, answer.Table(rows, heads, range(len(own) + 4)))
 
 
 def onset(
