@@ -295,3 +295,39 @@ class TurningStopLaw(AbstractLaw):
 
     def clearance(self, displacement):
         return self.gap - jnp.sqrt(displacement[0] ** 2 + displacement[1] ** 2)
+
+
+class LimitedDrive(AbstractContact):
+    """Force along the motion that a filter limits: `F = (a - s) z.`, `lag s. = |z|^2 b - s`."""
+
+    kind: ClassVar[str] = "limited_drive"
+    plural: ClassVar[str] = "limited_drives"
+
+    at: Scalar = nonnegative("at [m]")
+    gain: Scalar = nonnegative("gain [N s/m]")
+    limit: Scalar = nonnegative("limit [N s/m^3]")
+    lag: Scalar = nonnegative("lag [s]")
+    angle: Scalar = real("angle [rad]", default=0.0)
+    on: str | None = eqx.field(default=None, static=True)
+
+    def law(self):
+        return LimitedLaw(self)
+
+
+class LimitedLaw(AbstractFreeLaw):
+    """Law of a `LimitedDrive`."""
+
+    states: ClassVar[tuple[str, ...]] = ("seen [N s/m]",)
+
+    drive: LimitedDrive
+
+    @property
+    def elementwise(self):
+        return True
+
+    def __call__(self, displacement, velocity, now):
+        return (self.drive.gain - now.state[0]) * velocity
+
+    def rates(self, force, displacement, velocity, now):
+        size = displacement[0] ** 2 + displacement[1] ** 2
+        return ((self.drive.limit * size - now.state[0]) / self.drive.lag)[None]

@@ -35,8 +35,9 @@ def roots(
 ) -> None:
     """Complex roots: whirl frequencies, damping, direction and stability, without contact.
 
-    The logarithmic decrement (log dec) is `-2 pi Re / |Im|` of a root. In films, seals, rolling and
-    magnetic bearings the roots are those about the static position at the speed.
+    The logarithmic decrement (log dec) is `-2 pi Re / |Im|` of a root; one that does not whirl
+    has its growth per second there. In films, seals, rolling and magnetic bearings the roots are those
+    about the static position at the speed.
 
     jaxrotor roots limiter-rotor --speed 6000rpm --count 4
     """
@@ -52,7 +53,7 @@ def roots(
             f"{root['frequency_hz']:.6g}",
             *([f"{root['shaft_frequency']:.7g}"] if rotating else []),
             f"{root['damping_ratio']:.4g}" if root["root"] else "-",
-            f"{root['log_decrement']:.4g}" if root["frequency"] else "-",
+            f"{root['log_decrement']:.4g}" if root["frequency"] else f"{root['root'].real:.3g}/s",
             root["direction"],
             root["stability"],
         )

@@ -4,7 +4,7 @@ import tomllib
 from collections.abc import Callable, Sequence
 from itertools import groupby
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import jax
 import numpy as np
@@ -16,6 +16,7 @@ from ..analysis.modal import KINDS
 from ..analysis.resolved import resolved
 from ..analysis.static_instability import static_instability
 from ..core.parallel import in_threads
+from ..effects.places import of_first_order
 from ..equations.rigid_motions import CURE, unheld
 from ..equations.system import assemble, structure
 from ..files.several_shafts import SHAFTS
@@ -123,12 +124,22 @@ def show(
             **{f"speed of {name}": speeds([one]) for name, one in turning.items()},
         }
     )
-    about = "" if linear is rotor else f"; `jaxrotor campbell {scene}` has whirl over the speed"
-    rows += _critical_rows(critical, no_critical, rate, rotor.shafts[:1], about)
+    why = _why_not_critical(scene, linear is not rotor and linear, no_critical)
+    rows += _critical_rows(critical, why, rate, rotor.shafts[:1])
     rows += [row for k, one in others.items() for row in _critical_rows(*one, rate, [k])]
     lost = f"at {speeds(onset['speed'])}" if onset else not refused and why
     rows += answer.filled({"critical": end, "loses stability": lost})
     answer.give(as_json, facts, table, rows + files.rows)
+
+
+def _why_not_critical(scene: str, linear: Scene | Literal[False], why: str) -> str:
+    """Why there are no critical speeds, and what answers where a scene is `linear` at rest."""
+    why, answers = why.partition("; give")[0], []
+    if linear:
+        answers = [f"`jaxrotor campbell {scene}` has whirl over the speed"]
+    if linear and not of_first_order(linear.effects):
+        answers.insert(0, f"`jaxrotor critical {scene}` has them there")
+    return "; ".join([why, *filter(None, [", ".join(answers)])])
 
 
 def _linear(rotor: Scene, linear: Scene) -> tuple[str, int, Any, Any, Any]:
@@ -184,12 +195,12 @@ def _or_why(find: Callable[[], Any]) -> tuple[Any, str]:
 
 
 def _critical_rows(
-    critical: dict[str, list[float]] | None, why: str, rate: str, by: Sequence[str], about: str = ""
+    critical: dict[str, list[float]] | None, why: str, rate: str, by: Sequence[str]
 ) -> answer.Rows:
     """Critical speeds in the unit that was typed, and in rpm, of several shafts `by` one of them."""
     of = f" by {by[0]}" if by else ""
     if critical is None:
-        return [(f"critical speeds{of}", why.partition("; give")[0] + about)]
+        return [(f"critical speeds{of}", why.partition("; give")[0])]
     rows = []
     for way, speeds in critical.items():
         names = [f"critical{of}, {way}", ""] if speeds else []

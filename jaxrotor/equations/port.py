@@ -289,11 +289,23 @@ def port_forces(
     law: Law = actual,
 ) -> Float[Array, "2 p ..."]:
     """Total force at every port from displacement and velocity there, all (2, p), or (2, p, lanes)."""
+    return forces_and_rates(ports, displacement, velocity, now, law)[0]
+
+
+def forces_and_rates(
+    ports: tuple[Port, ...],
+    displacement: Array,
+    velocity: Array,
+    now: Now,
+    law: Law = actual,
+) -> tuple[Float[Array, "2 p ..."], States | None]:
+    """The same, and the rates of the states of all laws per second; None where no states are given."""
     motions = [jnp.swapaxes(x, 0, 1) for x in (displacement, velocity)]
-    found = [
-        port.added(law(number, port, d, v, own), d, v)
-        for number, (port, d, v, own) in enumerate(
-            zip(ports, *motions, of_each(ports, now, *motions), strict=True)
-        )
-    ]
-    return jnp.stack(found, axis=1)
+    every = list(zip(ports, *motions, of_each(ports, now, *motions), strict=True))
+    forces = [law(number, *motion) for number, motion in enumerate(every)]
+    pairs = list(zip(every, forces, strict=True))
+    total = jnp.stack([port.added(f, d, v) for (port, d, v, _), f in pairs], axis=1)
+    if now.state is None:
+        return total, None
+    rates = [law.rates(k, port, f, *motion) for k, ((port, *motion), f) in enumerate(pairs)]
+    return total, of_all(ports, rates)

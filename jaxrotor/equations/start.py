@@ -1,6 +1,7 @@
 """Starting states of a motion."""
 
 import abc
+import dataclasses
 import functools
 from typing import Any
 
@@ -16,6 +17,7 @@ from ..core.parameters import follow
 from ..core.plausibility import warn_implausible
 from ..core.quantities import Scalar, known, nonnegative, quantity_units, real
 from ..core.representation import AbstractPart
+from ..effects.law import States
 from ..scene import Scene
 from .system import System
 
@@ -207,18 +209,39 @@ def checked_start(start: Any, scene: Scene | None = None) -> AbstractStart:
     return start
 
 
+def check_states(states: Array, count: int) -> None:
+    """Raise unless a start has as many states as the laws of its scene."""
+    if states.shape != (count,):
+        raise ValueError(
+            f"`states` of the start must have the shape ({count},), one for each state of the laws of "
+            f"the scene, but have {states.shape}; take `motion.end` of the same scene, or leave "
+            "them out."
+        )
+
+
+def states_of(start: AbstractStart, system: System) -> States:
+    """States of laws in a start, by default those at the begin of a motion."""
+    given = start.states if isinstance(start, Launch) else None
+    return system.begin() if given is None else given
+
+
 def is_whole(start: AbstractStart) -> bool:
     """Whether a start is that of the shaft alone and, unless its angle is traced, at whole revolutions."""
     return not isinstance(start, Launch) or (not start.balls and start.whole() is not False)
 
 
-def shaft_of(start: AbstractStart, what: str) -> AbstractStart:
+def shaft_of(start: AbstractStart, what: str, states: int = 0) -> AbstractStart:
     """State of the shaft in a start; raises where `what`, which begins at angle zero, cannot take it.
 
-    While the angle is traced, a state at any other angle becomes NaN.
+    While the angle is traced, a state at any other angle becomes NaN. A scene whose laws have `states`
+    keeps those of the start.
     """
     if not isinstance(start, Launch):
         return start
+    if start.states is not None and states:
+        check_states(start.states, states)
+        bare = dataclasses.replace(start, states=None)
+        return Launch(shaft_of(bare, what), states=start.states)
     if start.states is not None:
         raise ValueError(
             f"{what} takes no states of laws, but the start has {start.states.size}; leave them out."

@@ -15,10 +15,10 @@ from ..core import linalg
 from ..core.blocks import Load
 from ..core.plane import angle, plane
 from ..core.quantities import Scalar
-from ..effects.law import AbstractLaw, Now
+from ..effects.law import AbstractLaw, Now, States
 from .massless_coordinates import MasslessCoordinates
 from .pencil import check_moves
-from .port import Port, port_forces
+from .port import Port, forces_and_rates
 from .system import System
 
 
@@ -65,7 +65,11 @@ class Motion(eqx.Module):
         check_moves(system)
         check_known_in_time(system)
         check_no_balls(system, "Simulation by whole revolutions", RUN_UP)
-        check_no_states(system, "A motion by whole revolutions", RUN_UP)
+        if not system.repeats and (contacts := system.laws_with(lambda law: law.clock == "turns")):
+            raise ValueError(
+                f"A motion by whole revolutions is for forces that repeat in one, but contacts "
+                f"({contacts}) count turns; {RUN_UP}."
+            )
         speed, s = system.spin.speed, system.spin.speed / rate
         load = system.load if loads else Load()
         columns = rows = None
@@ -143,21 +147,35 @@ class Motion(eqx.Module):
     def contact(self, theta: Scalar, y: State, args: None = None) -> State:
         """The part that may have jumps and kinks: contact."""
         del args
-        if self.rows is None or self.columns is None:
-            return jnp.zeros_like(y)
-        q, rate = y
-        now = self.of_laws(lambda: jnp.stack([jnp.cos(theta), jnp.sin(theta)]))
-        forces = port_forces(self.ports, q @ self.rows.T, self.rate * (rate @ self.rows.T), now)
-        return jnp.stack([jnp.zeros_like(q), forces @ self.columns.T])
+        return self._contact(theta, y, None)[0]
 
-    def of_laws(self, phase: Callable[[], Float[Array, "2 ..."]]) -> Now:
-        """Speed and, where a law asks for it, angle, by cosine and sine of the angle of revolution."""
+    def with_states(self, theta: Scalar, y: State, states: States) -> tuple[State, States]:
+        """Rates, by the angle, of a state of the rotor and of the states of its laws."""
+        contact, rates = self._contact(theta, y, states if states.size else None)
+        return self.linear(theta, y) + contact, states if rates is None else rates / self.rate
+
+    def _contact(
+        self, theta: Scalar, y: State, states: States | None
+    ) -> tuple[State, States | None]:
+        """Contact, and the rates of the states of its laws per second where these are given."""
+        if self.rows is None or self.columns is None:
+            return jnp.zeros_like(y), None
+        q, rate = y
+        now = self.of_laws(lambda: jnp.stack([jnp.cos(theta), jnp.sin(theta)]), states)
+        seen = q @ self.rows.T, self.rate * (rate @ self.rows.T)
+        forces, rates = forces_and_rates(self.ports, *seen, now)
+        return jnp.stack([jnp.zeros_like(q), forces @ self.columns.T]), rates
+
+    def of_laws(
+        self, phase: Callable[[], Float[Array, "2 ..."]], states: States | None = None
+    ) -> Now:
+        """Speed, states and, where a law asks for it, angle, by cosine and sine of that of revolution."""
         # The angle is within half a revolution on either side: laws by "turns" are here only where their
         # forces repeat in a revolution of the motion, which may be shorter or longer than one of the
         # shaft, by the factor `s`.
         if not any(law.clock for port in self.ports for law in port.laws):
-            return Now(self.speed)
-        return Now(self.speed, self.s * angle(jax.lax.complex(*phase())))
+            return Now(self.speed, None, states)
+        return Now(self.speed, self.s * angle(jax.lax.complex(*phase())), states)
 
     def matrix(self) -> Complex[Array, "n2 n2"]:
         """`A` of the linear part `(q, q')' = A (q, q')` of a rotor that is the same along every axis."""
@@ -204,12 +222,8 @@ def has_memory(law: AbstractLaw) -> bool:
 
 
 def check_no_states(system: System, what: str, instead: str) -> None:
-    """Raise if laws have states or count turns; the message names `what`, and says to do `instead`.
-
-    Those that count turns may be there where they repeat, see `System.repeats`.
-    """
-    refused = (lambda law: law.states) if system.repeats else has_memory
-    if contacts := system.laws_with(refused):
+    """Raise if laws have states or count turns; the message names `what`, and says to do `instead`."""
+    if contacts := system.laws_with(has_memory):
         raise ValueError(
             f"{what} is for forces that the motion there determines, but contacts ({contacts}) have "
             f"states of their own or count turns; {instead}."

@@ -136,6 +136,19 @@ class System(eqx.Module):
         """Number of states of all laws."""
         return sum(len(port.places) for port in self.ports)
 
+    @property
+    def state_units(self) -> tuple[str, ...]:
+        """Units of the states of all laws, contact by contact of the scene."""
+        places, units = [], []
+        for port in self.ports:
+            places += port.places
+            units += [
+                state.partition(" [")[2]
+                for stack in port.laws
+                for state in stack.states * count_of(stack)
+            ]
+        return tuple(units[i] for i in np.argsort(places))
+
     def begin(self) -> States:
         """States of all laws at the start of a motion, contact by contact of the scene."""
         return of_all(self.ports, [port.begin() for port in self.ports])

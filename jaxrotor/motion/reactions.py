@@ -15,7 +15,7 @@ from ..core.compiled import compiled
 from ..core.plane import direction
 from ..core.quantities import known
 from ..core.tables import largest_rows, notebook_table
-from ..effects import AbstractContact, Support
+from ..effects import AbstractContact, Coupling, Support
 from ..effects.layout import check_one_shaft
 from ..equations.forces import (
     applied_force,
@@ -111,9 +111,10 @@ class Reactions(eqx.Module):
 
 
 def reactions(response: TimeHistory) -> Reactions:
-    """Reactions of supports, constraints and contacts on the rotor, at every sample.
+    """Reactions of supports, couplings, constraints and contacts on the rotor, at every sample.
 
         support      F = -(k z + c z. .. + m z..),   L = -(k_a z' + c_a z'.),   `of` a casing: on that
+        coupling     F = k u + k anisotropy exp(2 i psi) u*,   likewise moments by slopes
         constraint   F_k = Int phi_k (m z.. - loads) dx + ..,   phi_k its influence line
 
     The reaction of a constraint is minus the work of all loads and inertia forces on the displacement
@@ -131,7 +132,7 @@ def reactions(response: TimeHistory) -> Reactions:
         response: result of `run_up` or `simulate`.
 
     Returns:
-        `Reactions`, whose axis `k` has supports, then constraints, then contacts.
+        `Reactions`, whose axis `k` has supports, then couplings, constraints and contacts.
 
     Raises:
         ValueError: if a crack is a hinge of the shaft, or a pedestal is loose.
@@ -147,7 +148,7 @@ def reactions(response: TimeHistory) -> Reactions:
         )
     instants = response.instants
     force, moment, static, static_moment, constraints = _all(scene, assemble(scene), instants)
-    names = [scene.name_of(effect) for effect in scene.of(Support)]
+    names = [scene.name_of(effect) for effect in (*scene.of(Support), *scene.of(Coupling))]
     names += [f"constraints.{i}" for i in constraints]
     if response.contact_force is not None:
         contacts = scene.of(AbstractContact)
@@ -173,6 +174,7 @@ def _all(scene: Scene, system: System, instants: Kinematics):
     """Forces, moments, both of the rotor at rest, and the numbers of the constraints."""
     transient = Transient.of(scene, jnp.ones(()), jnp.zeros(()), system=system)
     parts = [_support(transient.system, support) for support in scene.of(Support)]
+    parts += [_coupling(transient.system, coupling) for coupling in scene.of(Coupling)]
     influence, constraints = scene.shaft.influence(), ()
     if influence is not None:
         constraints = tuple(dict.fromkeys(influence.owners))
@@ -204,6 +206,19 @@ def _support(system: System, support: Support) -> Act:
         if blocks.inertia is not None:
             resisted += blocks.inertia @ now.absolute
         force, moment = -(held @ resisted)
+        return force[None], moment[None]
+
+    return act
+
+
+def _coupling(system: System, coupling: Coupling) -> Act:
+    """Force and moment of a coupling on the shaft, in its axes."""
+    line = VirtualLine.resultant(system.line, coupling.at)
+    blocks = coupling.blocks(line)
+    load = coupling.load(line, blocks)
+
+    def act(now: Kinematics):
+        force, moment = applied_force(load, now) - resistance(blocks, now)
         return force[None], moment[None]
 
     return act

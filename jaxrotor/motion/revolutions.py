@@ -20,8 +20,8 @@ from ..equations.lent import with_lent_films
 from ..equations.pencil import check_moves
 from ..equations.rigid_motions import check_held, unheld
 from ..equations.speed_tables import check_tables
-from ..equations.start import AbstractStart
-from ..equations.stationary_frame import Motion, check_no_states
+from ..equations.start import AbstractStart, states_of
+from ..equations.stationary_frame import RUN_UP, Motion, check_no_states
 from ..equations.system import System, assemble, has_massless, structure
 from ..scene import Scene
 from ..solvers.basis import Count, Dense, ModalBasis, Rotation, SlotBasis, SlotRotation
@@ -81,6 +81,8 @@ class March(AbstractMarch):
         if isinstance(plan.solver, Exponential):
             system = in_constant_axes(system)
             lent = with_lent_films(system)
+        else:
+            check_no_states(system, "A motion by whole revolutions", RUN_UP)
         motion = Motion(lent, rate, loads=not isinstance(plan.solver, Exponential))
         rows = [jax.vmap(system.line.row)(stations)]
         if plan.slopes:
@@ -108,7 +110,15 @@ class March(AbstractMarch):
 
     def begin(self, start: AbstractStart, at: Scalar) -> Array:
         """State of the form at the start."""
-        return self.form.encode(*start.state(self.system, at))
+        q, velocity = start.state(self.system, at)
+        if not self.state_count:
+            return self.form.encode(q, velocity)
+        return self._encoded(q, velocity, states_of(start, self.system))
+
+    @property
+    def state_count(self) -> int:
+        """States of laws, the last numbers of a state."""
+        return self.system.state_count
 
     @property
     def contact_stiffness_ratio(self) -> Float[Array, "k 2"]:
@@ -121,13 +131,24 @@ class March(AbstractMarch):
         return self.free.amplified if isinstance(self.free, RemainderMap) else jnp.zeros((), bool)
 
     def encode(self, *parts: Array) -> Array:
-        """State at a whole revolution of coordinates [m] and their velocities [m/s]."""
-        q, velocity = parts
-        return self.form.encode(q, velocity)
+        """State at a whole revolution of the parts that `decode` returns."""
+        q, velocity, *others = parts
+        if not self.state_count:
+            return self.form.encode(q, velocity)
+        return self._encoded(q, velocity, others[-1] if others else self.system.begin())
 
-    def decode(self, y: Array) -> tuple[Array, Array]:
-        """Coordinates [m] and velocities [m/s] of a state at a whole revolution."""
-        return self.form.decode(y)
+    def _encoded(self, q: Array, velocity: Array, states: Array) -> Array:
+        return jnp.concatenate([self.form.encode(q, velocity), states])
+
+    def decode(self, y: Array) -> tuple[Array, ...]:
+        """Coordinates [m] and velocities [m/s] of a state at a whole revolution.
+
+        Where laws have states, angles and speeds of balls follow, of which there are none, and the states.
+        """
+        if not self.state_count:
+            return self.form.decode(y)
+        w, x = jnp.split(y, [y.size - self.state_count])
+        return *self.form.decode(w), x[:0], x[:0], x
 
     @property
     def eigenvectors(self) -> Array | np.ndarray:
@@ -148,7 +169,13 @@ class March(AbstractMarch):
     def observe(self, y: Array) -> tuple[Array, Window, Outcome]:
         """One revolution: state at its end, its motion and its outcome."""
         y, samples, ok = self.sample(y)
-        return y, self.named(samples), ok
+        if not self.state_count:
+            return y, self.named(samples), ok
+        readings, states = samples
+        window = self.named(readings, forceless=True)
+        if self.plan.contacts and self.system.members:
+            window = dataclasses.replace(window, contact_force=self.forces(readings, states))
+        return y, dataclasses.replace(window, states=states), ok
 
     @property
     def lanes_as_one(self) -> bool:
@@ -176,8 +203,11 @@ class March(AbstractMarch):
             window = dataclasses.replace(window, contact_force=self.forces(samples))
         return done.end, window, outcome
 
-    def sample(self, y: Array) -> tuple[Array, Float[Array, "T 2 2 r"], Outcome]:
-        """One revolution: state at its end, readings at its `steps + 1` samples, outcome."""
+    def sample(self, y: Array) -> tuple[Array, Any, Outcome]:
+        """One revolution: state at its end, readings (T, 2, 2, r) at its `steps + 1` samples, outcome.
+
+        Where laws have states, the samples are the readings and these states.
+        """
         if self.step is None and isinstance(self.form, PortForm):
             return self._sample_free(self.form, y)
         return self._step(y, sample=True)
@@ -208,11 +238,13 @@ class March(AbstractMarch):
         seen = displacement[:, :s], velocity[:, :s], slope, forces, coordinates
         return Window(*seen, step, self.form.motion.s)
 
-    def forces(self, samples: Float[Array, "T 2 2 r ..."]) -> Complex[Array, "T k ..."]:
+    def forces(
+        self, samples: Float[Array, "T 2 2 r ..."], states: Float[Array, "T x"] | None = None
+    ) -> Complex[Array, "T k ..."]:
         """Forces of all contacts by the readings of `sample`, of lanes along a last axis as well [N]."""
         angle = self.form.motion.s * self._grid() if self.system.clocks else None
-        now = Now(self.system.spin.speed, angle)
-        return contact_forces(self.system, samples, now, cast(Any, Now)(None, 0))
+        now = Now(self.system.spin.speed, angle, states)
+        return contact_forces(self.system, samples, now, cast(Any, Now)(None, 0, 0))
 
     def _grid(self) -> Float[Array, "T ..."]:
         return jnp.linspace(0.0, self.span, self.plan.steps + 1)
@@ -227,7 +259,10 @@ class March(AbstractMarch):
         fused = isinstance(plan.solver, Exponential) and plan.solver.fused
         how = {"batch": plan.batch, "fused": fused}
         y1, samples, unresolved = revolution(self.step, y, plan.steps, stations, **how)
-        if samples is not None:
+        if samples is not None and self.state_count:
+            readings, states = jnp.split(samples, [samples.shape[1] - self.state_count], axis=1)
+            samples = readings.reshape(plan.steps + 1, 2, 2, -1), states
+        elif samples is not None:
             samples = samples.reshape(plan.steps + 1, 2, 2, -1)
         return y1, samples, self._outcome(y, y1, unresolved=unresolved)
 
@@ -271,9 +306,10 @@ class March(AbstractMarch):
         """Outcome of a revolution from `y` to `y1`."""
         touched = jnp.zeros((), bool)
         if self.free is not None:  # a contact between samples shows in the state at the end
-            change = jnp.max(jnp.abs(y1 - self.free(y)))
+            begin, end = (one[: one.size - self.state_count] for one in (y, y1))
+            change = jnp.max(jnp.abs(end - self.free(begin)))
             info = jnp.finfo(y.dtype)  # with `tiny`, a state that has decayed to zero shows nothing
-            touched = change > info.eps**0.5 * jnp.max(jnp.abs(y1)) + info.tiny**0.5
+            touched = change > info.eps**0.5 * jnp.max(jnp.abs(end)) + info.tiny**0.5
         return Outcome(bounded(y1), jnp.asarray(solved), jnp.asarray(unresolved), touched)
 
 
@@ -289,15 +325,15 @@ def joined(revolutions: Array) -> Array:
     return jnp.concatenate([flat, revolutions[-1:, -1]])
 
 
-def check_constant(scene: Scene, what: str, *, turning: bool = False) -> None:
+def check_constant(scene: Scene, what: str, *, memory: bool = False) -> None:
     """Raise unless a scene is held and has a constant speed and mass at all coordinates, as `what` needs.
 
-    The speed must be one for which tables of coefficients have values, and no law has states or, unless
-    they may be `turning`, counts turns.
+    The speed must be one for which tables of coefficients have values, and, unless they may have a
+    `memory`, no law has states or counts turns.
     """
     check_constant_speed(scene, what)
-    system = dataclasses.replace(structure(scene), repeats=turning)
-    check_no_states(system, what, "follow its motion by `jaxrotor.simulate`")
+    if not memory:
+        check_no_states(structure(scene), what, "follow its motion by `jaxrotor.simulate`")
     check_tables(scene)
     check_mass(scene, what)
     check_held(scene, what, contact=True)

@@ -17,7 +17,7 @@ from ..core.quantities import known
 from ..effects.base import AbstractBodies, AbstractCoaxial, AbstractContact
 from ..equations.rotating_frame import massless_of
 from ..equations.speed_tables import check_tables, has_tables
-from ..equations.start import AbstractStart, Balls, Continued, Launch
+from ..equations.start import AbstractStart, Balls, Continued, Launch, check_states
 from ..equations.system import System, assemble, state_names
 from ..scene import Scene
 from ..solvers.choice import checked_solver, solver_name
@@ -288,12 +288,8 @@ def after(scene: Scene, launch: Launch) -> Scene:
 
 def with_balls(scene: Scene, launch: Launch) -> Launch:
     """The launch with balls for every race; raises unless it has as many, and states, as the scene."""
-    if launch.states is not None and launch.states.shape != (count := len(state_names(scene)),):
-        raise ValueError(
-            f"`states` of the start must have the shape ({count},), one for each state of the laws of "
-            f"the scene, but have {launch.states.shape}; take `motion.end` of the same scene, or leave "
-            "them out."
-        )
+    if launch.states is not None:
+        check_states(launch.states, len(state_names(scene)))
     counts = [bodies.places for bodies in scene.of(AbstractBodies)]
     if not counts and launch.balls is None:
         return launch

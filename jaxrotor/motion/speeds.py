@@ -101,10 +101,16 @@ def coupled_steps(
         drag = jnp.abs(jax.jvp(bodies.drag, (none,), (one,))[1])
         masses = jnp.where(bodies.masses > 0, bodies.masses, jnp.inf)
         rates.append(float(jnp.max(drag / (bodies.rolling * masses * bodies.race_radius))))
-    if system.state_count:
-        own = np.linalg.eigvals(np.nan_to_num(np.asarray(_by_states(system))))
-        rates.append(float(np.abs(own).max()))
+    rates.append(rate_of_states(system))
     return max(steps_between(length, fastest, revolution), math.ceil(length * max(rates)))
+
+
+def rate_of_states(system: System) -> float:
+    """Largest rate at which states of laws change by themselves, 0 without any [1/s]."""
+    if not system.state_count:
+        return 0.0
+    own = np.linalg.eigvals(np.nan_to_num(np.asarray(_by_states(system))))
+    return float(np.abs(own).max())
 
 
 @compiled_quickly

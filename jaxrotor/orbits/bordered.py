@@ -193,7 +193,7 @@ class ZeroClearance(AbstractCondition):
         found = _clearing(problem, *_traced(u, anchor.phase), jnp.asarray(self.contact))
         evaluation, *parts = jax.tree.map(np.asarray, found)
         value, slope = nearest_extremum(*parts)
-        size = float(problem.size)
+        size = float(problem.size[0])
         return Trial(evaluation, value / size, slope / size, self.anchor(evaluation, u))
 
 

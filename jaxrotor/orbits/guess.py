@@ -18,6 +18,7 @@ from ..motion.rebounds import pilot_run
 from ..motion.simulate import simulate
 from ..scene import Scene
 from ..solvers.exponential import Exponential
+from .memory import parts_of, steps_for_states
 from .orbit import PeriodicOrbit
 from .passes import Cycle, cycle_rate
 from .recurrence import recurrence
@@ -31,7 +32,8 @@ SEARCH = 8  # revolutions from a start in which a period is sought
 class OrbitGuess(eqx.Module):
     """Start, period and rotation of an orbit, before Newton's method."""
 
-    start: tuple[Complex[Array, " n"], Complex[Array, " n"]]
+    # Coordinates [m], velocities [m/s] and states of laws:
+    start: tuple[Complex[Array, " n"], Complex[Array, " n"], Float[Array, " k"]]
     rate: Scalar  # [rad/s]
     span: Scalar  # of the period [rad]; of a revolution where the period is given
     turn: Scalar  # [rad]
@@ -41,14 +43,12 @@ class OrbitGuess(eqx.Module):
     passes: bool = eqx.field(static=True, default=False)
 
 
-def start_of(guess: Any, name: str = "guess") -> AbstractStart:
-    """The start that an argument stands for: a guess, or one of another name."""
-    if isinstance(guess, TimeHistory):
-        return shaft_of(guess.end, "An orbit")
-    if isinstance(guess, PeriodicOrbit):
-        return guess.start
+def start_of(guess: Any, name: str = "guess", states: int = 0) -> AbstractStart:
+    """The start that an argument stands for, a guess or one of another name, with `states` of laws."""
+    if isinstance(guess, TimeHistory | PeriodicOrbit):
+        guess = guess.end if isinstance(guess, TimeHistory) else guess.start
     if isinstance(guess, AbstractStart):
-        return shaft_of(guess, "An orbit")
+        return shaft_of(guess, "An orbit", states)
     raise ValueError(
         f"`{name}` must be a motion of jaxrotor.simulate, an orbit or a start such as AtRest(), but is "
         f"{guess!r}."
@@ -90,8 +90,9 @@ def repeated_guess(
                 "orbit that `periodic` found before as the guess."
             )
         steps = guess.steps
-    start = start_of(guess).state(system, stations[0])
+    start = parts_of(start_of(guess, states=system.state_count), system, stations[0])
     rate, whole, none = cycle_rate(system, cycle.passes), jnp.asarray(2 * jnp.pi), jnp.zeros(())
+    steps = steps_for_states(system, steps, 2 * jnp.pi / rate, guess)
     return OrbitGuess(start, rate, whole, none, revolutions, steps, cycle.passes)
 
 
@@ -119,6 +120,13 @@ def autonomous_guess(
             scene, system, guess, turn, steps_per_revolution, solver, stations
         )
     turn = jnp.asarray(0.0 if turn is None else turn, float)
+    if system.state_count and not (
+        known(turn) and abs(math.remainder(float(turn), 2 * math.pi)) < SAME
+    ):
+        raise ValueError(
+            "States of laws do not turn with an orbit, so `turn` must be 0 in a scene that has them, but "
+            f"is {turn}."
+        )
     defects = symmetry_defects(scene, system, turn)
     if known(defects) and float(jnp.max(jnp.abs(defects))) > SAME:
         raise ValueError(_asymmetry(scene, system, turn))
@@ -127,7 +135,8 @@ def autonomous_guess(
     counted = (guess.scene, guess.period) if known_before else (scene, period)
     revolutions = _revolutions_in(*counted)
     steps = max(LEAST, math.ceil(steps_per_revolution * revolutions * (1 - 1e-9)))
-    start = start_of(guess).state(system, stations[0])
+    steps = steps_for_states(system, steps, jnp.asarray(period), guess)
+    start = parts_of(start_of(guess, states=system.state_count), system, stations[0])
     span, turn = rate * jnp.asarray(period), nan_unless_symmetric(turn, defects)
     return OrbitGuess(start, rate, span, turn, None, steps)
 
@@ -143,7 +152,8 @@ def _recurrence(
 ) -> tuple[float, float]:
     """Period [s] and turn [rad] after which a response, or a run from a start, returns."""
     if not isinstance(guess, TimeHistory):
-        options = {"solver": solver, "start": start_of(guess), "at": stations}
+        start = start_of(guess, states=system.state_count)
+        options = {"solver": None if system.state_count else solver, "start": start, "at": stations}
         with pilot_run():
             guess = simulate(scene, SEARCH, steps_per_revolution, **options)
     steps = np.diff(np.asarray(guess.time)) if known(guess.time) else np.ones(1)
@@ -157,7 +167,7 @@ def _recurrence(
             "A period is sought by values, so not inside jax.jit or a derivative; give an orbit that "
             "`periodic` found before as the guess, or `period` and `turn`."
         )
-    count = symmetry_order(scene, system)
+    count = 1 if system.state_count else symmetry_order(scene, system)
     given = [float(jnp.asarray(turn))] if turn is not None else None
     allowed = given or [2 * math.pi * k / count for k in range(count)]
     return recurrence(guess, float(_rate(scene, 1.0)), allowed)

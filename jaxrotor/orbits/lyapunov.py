@@ -17,7 +17,7 @@ from ..core.progress import progress as bar, segments
 from ..core.tables import notebook_table
 from ..effects.base import AbstractContact
 from ..effects.layout import check_one_shaft
-from ..equations.start import AbstractStart, AtRest, Continued
+from ..equations.start import AbstractStart, AtRest
 from ..equations.system import assemble, port_groups
 from ..motion.rebounds import Rebounds, in_revolutions
 from ..motion.revolutions import March, check_constant, revolution_rate
@@ -25,6 +25,7 @@ from ..scene import Scene
 from ..solvers.choice import choose, solver_name
 from ..solvers.exponential import Exponential
 from .guess import start_of
+from .memory import check_returning, start_on, state_in, steps_for_states
 from .passes import cycle_of, cycle_rate, with_cycle
 from .shooting import differentiable, plan_of
 
@@ -90,10 +91,10 @@ def lyapunov(
         start: state to begin with, end of a `TimeHistory`, or an orbit; by default `AtRest()`.
         revolutions: over which the growth is averaged; in rolling bearings without unbalance passes of
             their balls, as in `periodic`.
-        count: number of exponents, up to four a coordinate.
+        count: number of exponents, up to four a coordinate and one a state of a law.
         settle: revolutions before the average; in the last half of them the disturbances already turn
             into their directions.
-        steps_per_revolution: of the shaft, or in a pass.
+        steps_per_revolution: of the shaft, or in a pass; more where states of laws change faster.
         solver: `Exponential(4, located=True)` by default. Sharp stops take located steps.
         period: length of a "revolution" at zero speed [s].
         seed: of the first disturbances.
@@ -107,7 +108,8 @@ def lyapunov(
         beside the fastest.
 
     Raises:
-        ValueError: if an argument is out of its range or of another type, or the speed is not constant.
+        ValueError: if an argument is out of its range or of another type, the speed is not constant, or
+            a state of a law only grows, as wear does.
         RuntimeError: if the motion does not stay finite, or a stop is too stiff for the steps.
 
     Source: Benettin, Galgani, Giorgilli, Strelcyn (1980), Meccanica 15, 9-30; jumps: Mueller (1995),
@@ -122,20 +124,19 @@ def lyapunov(
         raise ValueError(
             f"`revolutions` must be at least {2 * BLOCKS} to estimate an error, but is {revolutions}."
         )
-    check_constant(scene, "`lyapunov`", turning=True)
-    start = AtRest() if start is None else start_of(start, "start")
+    check_constant(scene, "`lyapunov`", memory=True)
     together = port_groups(scene)
     system = assemble(scene, together)
     passes = cycle_of(scene, system, "`lyapunov`").passes
     system = with_cycle(system, passes)
-    if count > 4 * system.n:
-        raise ValueError(
-            f"`count` must be at most {4 * system.n}, four a coordinate, but is {count}."
-        )
+    start = AtRest() if start is None else start_of(start, "start", system.state_count)
+    if count > (most := 4 * system.n + system.state_count):
+        own = " and one a state of a law" if system.state_count else ""
+        raise ValueError(f"`count` must be at most {most}, four a coordinate{own}, but is {count}.")
     rate = cycle_rate(system, passes) if passes else revolution_rate(scene, period)
     chosen: Any = choose(differentiable(solver, system), system, rate, start)
     several = len(scene.of(AbstractContact)) > 1  # of which some may never be touched
-    steps = steps_per_revolution
+    steps = steps_for_states(system, steps_per_revolution, 2 * jnp.pi / rate)
     plan = plan_of(chosen, together, steps, contacts=several)
     station = scene.stations(None)
     march = eqx.filter_jit(March.of)(system, plan, rate, station[:1])
@@ -145,12 +146,13 @@ def lyapunov(
         y, good = _skip(march, y, jnp.asarray(settle - aligned))
         tick(settle - aligned)
         disturbances = random_disturbances(y.size, count, seed)
-        growths, loads = [], []
+        growths, loads, states = [], [], []
         for segment in segments(aligned) + segments(revolutions):
-            y, disturbances, (growth, loaded), ok = _follow(march, y, disturbances, segment)
+            y, disturbances, (growth, loaded, own), ok = _follow(march, y, disturbances, segment)
             good = good & ok
             growths.append(np.asarray(growth))
             loads.append(loaded)
+            states.append(np.asarray(own))
             tick(segment)
     if not bool(good.ok):
         raise RuntimeError(
@@ -163,6 +165,7 @@ def lyapunov(
         force = np.stack([ever.any(0), always.all(0)])
     stops = Rebounds(scene, system.members, good.touched, march.contact_stiffness_ratio, force)
     stops.check(chosen, in_revolutions(steps))
+    check_returning(scene, np.concatenate(states)[aligned:])
     length = 2 * np.pi / float(rate)
     growth = np.concatenate(growths)[aligned:] / length
     exponents, error = largest_first(*mean_and_error(growth), length)
@@ -171,7 +174,7 @@ def lyapunov(
         error,
         growth,
         good.unresolved,
-        Continued(*march.form.decode(y)),
+        start_on(*state_in(march, y)),
         length,
         scene,
         steps,
@@ -251,7 +254,7 @@ def _follow(march: March, y: Array, disturbances: Float[Array, "m e"], revolutio
     def one(carry, _):
         y, disturbances, good = carry
         y, disturbances, growth, (ok, loaded) = advance_disturbed(advance, y, disturbances)
-        return (y, disturbances, good & ok), (growth, loaded)
+        return (y, disturbances, good & ok), (growth, loaded, y[y.size - march.state_count :])
 
     begin = y, disturbances, Outcome.good()
     (y, disturbances, good), seen = jax.lax.scan(one, begin, None, length=revolutions)

@@ -11,7 +11,7 @@ from jaxtyping import Array, Bool, Complex, Float, Int
 from ..core.extremes import largest
 from ..core.quantities import Scalar
 from ..core.tables import notebook_table
-from ..equations.start import Continued
+from ..equations.start import Continued, Launch
 from ..scene import Scene
 
 
@@ -46,16 +46,19 @@ class AbstractOrbit(eqx.Module):
 class PeriodicOrbit(AbstractOrbit):
     """A motion with `z(t + period) = e^(i turn) z(t)`, sampled over a period at `s` stations."""
 
-    start: Continued  # a state on it; of a scene with unbalance that at angle 0
+    # A state on it, of a scene with unbalance that at angle 0; a launch where laws have states
+    start: Continued | Launch
     period: Scalar  # [s]
     turn: Scalar  # angle about the centre in a period [rad], whole turns included
     whirl_rate: Scalar  # turn / (period Omega) [1]
-    multipliers: Complex[Array, " m"]  # of the period map, turned back; largest first
+    # Of the period map, turned back, also of states of laws; largest first
+    multipliers: Complex[Array, " m"]
     trivial: Scalar | None  # multiplier along a motion without unbalance, 1 up to errors
     time: Float[Array, " T"]  # [s]
     displacement: Complex[Array, "T s"]  # x + i y [m]
     velocity: Complex[Array, "T s"]  # [m/s]
     contact_force: Complex[Array, "T k"] | None  # on the shaft, by contact of the scene [N]
+    states: dict[str, Float[Array, " T"]]  # of laws by their names, as of a `TimeHistory`
     stations: Float[Array, " s"]  # [m]
     residual: Scalar  # largest change of the state over a period, over its largest [1]
     iterations: Int[Array, ""]

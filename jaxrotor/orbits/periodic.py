@@ -8,6 +8,7 @@ import diffrax as dfx
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 import optimistix as optx
 from jaxtyping import Array, ArrayLike, Float
 
@@ -16,7 +17,7 @@ from ..core.compiled import QUICKLY, compiled_quickly
 from ..core.progress import waiting
 from ..core.quantities import known
 from ..effects.layout import check_one_shaft
-from ..equations.start import AbstractStart, Continued
+from ..equations.start import AbstractStart
 from ..equations.system import System, assemble, port_groups
 from ..motion.history import TimeHistory
 from ..motion.rebounds import Rebounds, in_revolutions
@@ -25,6 +26,7 @@ from ..scene import Scene
 from ..solvers.choice import choose, solver_name
 from ..solvers.exponential import Exponential
 from .guess import OrbitGuess, autonomous_guess, repeated_guess, revolutions_of
+from .memory import named_samples, one_way_states, parts_of, start_on
 from .orbit import OrbitError, PeriodicOrbit, winding_angle
 from .passes import cycle_of, with_cycle
 from .shooting import (
@@ -58,10 +60,11 @@ def periodic(
 
     Periodic motions are computed by shooting: Newton's method on the difference between the state and
     itself one period later. The Jacobian is that of the steps themselves, jumps at changes of contact
-    included, and its eigenvalues are the multipliers. With unbalance, `T` is a number of `revolutions`
-    and `turn` is 0. In rolling bearings without unbalance, `T` is a number of passes of their balls, by
-    `2 pi / balls` of the cage. Else, without unbalance, `T` is unknown and, where stops at equal angles
-    leave a scene as it is when rotated, an orbit may return rotated.
+    included, and its eigenvalues are the multipliers. States of laws, as of the controller of a
+    `MagneticBearing`, return with it, and have multipliers too. With unbalance, `T` is a number of
+    `revolutions` and `turn` is 0. In rolling bearings without unbalance, `T` is a number of passes of
+    their balls, by `2 pi / balls` of the cage. Else, without unbalance, `T` is unknown and, where stops
+    at equal angles leave a scene as it is when rotated, an orbit may return rotated.
 
     Args:
         scene: the rotor, at constant speed.
@@ -76,7 +79,8 @@ def periodic(
         period: of a scene without unbalance [s], near that of the orbit; by default it is estimated
             from the guess. A quasi-periodic or chaotic guess, which returns after many revolutions by
             chance alone, is refused.
-        steps_per_revolution: of the shaft; a short period takes at least 16 steps.
+        steps_per_revolution: of the shaft; a short period takes at least 16 steps, and states of laws
+            as many as follow what they do by themselves.
         solver: `Exponential(4, located=True)` by default. Sharp stops take located steps.
         tolerance: largest residual, relative to the largest of the state.
         finder: root finder of optimistix, by default its Newton; `optimistix.Dogleg` and
@@ -98,14 +102,14 @@ def periodic(
         ValueError: if an argument is out of its range or of another type, the speed is not constant,
             `revolutions` is combined with `turn` or `period`, the guess shows no period, or `turn` does
             not leave the scene as it is.
-        RuntimeError: if no orbit is found, unless `throw` is False.
+        RuntimeError: if no orbit is found, unless `throw` is False, as where a state of a law only grows.
 
     Source: Parker, Chua (1989), Practical Numerical Algorithms for Chaotic Systems, sections 5.2, 5.3.
     """
     check_one_shaft(scene.shafts, "`periodic`")
     solver = Exponential(4, located=True) if solver is None else solver
     check_counts(steps_per_revolution=steps_per_revolution, max_iterations=max_iterations)
-    check_constant(scene, "`periodic`", turning=True)
+    check_constant(scene, "`periodic`", memory=True)
     stations, together = scene.stations(at), port_groups(scene)
     system = assemble(scene, together)
     cycle = cycle_of(scene, system, "`periodic`")
@@ -136,14 +140,7 @@ def periodic(
         found = find(scene, system, stations, first, *settings, max_iterations)
         failed = known(found.converged) and not bool(found.converged)
     if throw and failed:
-        residual = float(found.residual)
-        still = f"the residual is still {residual:.1e} of the state"
-        raise RuntimeError(
-            f"No orbit was found near the guess: after {int(found.iterations)} iterations "
-            f"{still if math.isfinite(residual) else 'the state diverged'}. Take a guess that "
-            "has settled for longer (a chaotic motion settles on none, see `jaxrotor.lyapunov`), check "
-            "`revolutions`, `turn` and `period`, or try `finder=optimistix.Dogleg(1e-10, 1e-10)`."
-        )
+        raise RuntimeError(_failure(scene, system, stations, first, chosen, together, found))
     if not (failed or traced) and system.members:
         span = jnp.asarray(2 * jnp.pi) if revolutions else first.rate * found.period
         ratio = _stiffness_ratios(system, chosen, together, stations, first.rate, span, first.steps)
@@ -154,12 +151,40 @@ def periodic(
         return found
     finer = dataclasses.replace(
         first,
-        start=found.start.state(system, stations[0]),
+        start=parts_of(found.start, system, stations[0]),
         span=first.span if revolutions else first.rate * found.period,
         steps=2 * first.steps,
     )
     repeated = find(scene, system, stations, finer, *settings, max_iterations)
     return dataclasses.replace(found, error=_changes(found, repeated))
+
+
+def _failure(
+    scene: Scene,
+    system: System,
+    stations: Array,
+    first: OrbitGuess,
+    chosen: Exponential,
+    together: Any,
+    found: PeriodicOrbit,
+) -> str:
+    """Why no orbit was found, and what to do."""
+    if system.state_count:
+        along = _states_along(system, stations, first, chosen, together)
+        if names := one_way_states(scene, np.asarray(along)):
+            return (
+                f"No orbit was found near the guess, along which a state of a law ({names}) goes on in "
+                "one sense: where it can only grow, as wear does, no motion repeats; follow it by "
+                "`jaxrotor.simulate`."
+            )
+    residual = float(found.residual)
+    still = f"the residual is still {residual:.1e} of the state"
+    return (
+        f"No orbit was found near the guess: after {int(found.iterations)} iterations "
+        f"{still if math.isfinite(residual) else 'the state diverged'}. Take a guess that "
+        "has settled for longer (a chaotic motion settles on none, see `jaxrotor.lyapunov`), check "
+        "`revolutions`, `turn` and `period`, or try `finder=optimistix.Dogleg(1e-10, 1e-10)`."
+    )
 
 
 def _find(
@@ -193,18 +218,18 @@ def _find(
     samples = jax.tree.map(lambda leaf: jnp.where(converged, joined(leaf), jnp.nan), shot.samples)
     jacobian = jnp.where(converged, shot.jacobian, jnp.nan)
     multipliers, trivial = shooting.multipliers(x, jacobian)
-    (q, velocity), span = shooting.decode(x), shooting.length(x)
+    span = shooting.length(x)
     period = shooting.revolutions * span / guess.rate
     turn = winding_angle(samples.displacement[:, 0], guess.turn)
     return PeriodicOrbit(
-        start=Continued(q, velocity),
+        start=start_on(*shooting.decode(x)),
         period=period,
         turn=turn,
         whirl_rate=turn / (period * scene.spin.speed),
         multipliers=multipliers,
         trivial=trivial,
         time=jnp.linspace(0.0, period, samples.displacement.shape[0]),
-        **samples._asdict(),
+        **samples._asdict() | {"states": named_samples(scene, samples.states)},
         stations=stations,
         residual=residual,
         iterations=root.stats["num_steps"],
@@ -229,6 +254,19 @@ def _stiffness_ratios(system, solver, together, stations, rate, span, steps):
 _COMPILED = eqx.filter_jit(_find)
 # Compilation takes most of the time of a single orbit, and optimised code is hardly faster.
 _COMPILED_QUICKLY = eqx.filter_jit(_find, **QUICKLY)
+
+
+@compiled_quickly
+def _states_along(
+    system: System, stations: Array, guess: OrbitGuess, solver: Exponential, together: Any
+) -> Float[Array, "T k"]:
+    """States of laws along the guess."""
+    plan = plan_of(solver, together, guess.steps)
+    period = guess.span, guess.turn, guess.start, guess.revolutions
+    shooting = Shooting.near(system, plan, stations, guess.rate, *period)
+    _, (samples, _) = shooting.residual(shooting.first)
+    assert samples.states is not None
+    return joined(samples.states)
 
 
 def _changes(found: PeriodicOrbit, finer: PeriodicOrbit) -> OrbitError:

@@ -21,18 +21,25 @@ from ..core.plane import plane
 from ..core.quantities import Scalar
 from ..effects.rub import AbstractRub
 from ..equations.shared_nodes import with_shared_nodes
-from ..equations.start import Continued
-from ..equations.system import System, assemble, phrase, port_groups
+from ..equations.system import System, assemble, phrase, port_groups, state_names
 from ..motion.base import Plan
 from ..motion.revolutions import Outcome, joined
 from ..scene import Scene
 from ..shafts.cased import same_shape
 from ..solvers.choice import choose, solver_name
 from ..solvers.exponential import Exponential
+from .memory import named_samples, start_on, steps_for_states
 from .orbit import PeriodicOrbit, winding_angle
 from .parameter_range import ParameterRange, own, range_of
 from .passes import check_ranges, cycle_rate, with_cycle
-from .shooting import OrbitSamples, Shooting, differentiable, plan_of, without_unbalance
+from .shooting import (
+    OrbitSamples,
+    Shooting,
+    differentiable,
+    plan_of,
+    sizes_of,
+    without_unbalance,
+)
 from .symmetry import SAME, symmetry_defects, symmetry_order
 
 
@@ -67,7 +74,7 @@ class ContinuationProblem(eqx.Module):
     scene: Scene
     stations: Float[Array, " s"]
     plan: Plan
-    size: Scalar  # [m], the unit of the states
+    size: Float[Array, " m"]  # unit of every number of a state, see `Shooting`
     span: Scalar  # [rad], see `Shooting`
     turn: Scalar  # [rad]
     parameters: tuple[ParameterRange, ...]
@@ -117,13 +124,12 @@ class ContinuationProblem(eqx.Module):
         """The orbit of unknowns `u = (x, s)`, from their evaluation."""
         values = zip(self.parameters, self.values(u), strict=True)
         scene = self.scene.replace({one.path: float(value) for one, value in values})
-        q, velocity = self.state(u, evaluation)
         samples, stations = evaluation.samples, self.stations.size
         times, force = samples.displacement.shape[0], samples.contact_force
         period, turn, trivial = evaluation.period, evaluation.turn, evaluation.trivial
         residual = jnp.max(jnp.abs(evaluation.residual))
         return PeriodicOrbit(
-            start=Continued(jnp.asarray(q), jnp.asarray(velocity)),
+            start=start_on(*map(jnp.asarray, self.state(u, evaluation))),
             period=jnp.asarray(period),
             turn=jnp.asarray(turn),
             whirl_rate=jnp.asarray(turn / (period * evaluation.speed)),
@@ -133,6 +139,7 @@ class ContinuationProblem(eqx.Module):
             displacement=jnp.asarray(samples.displacement[:, :stations]),
             velocity=jnp.asarray(samples.velocity[:, :stations]),
             contact_force=None if force is None else jnp.asarray(force),
+            states=named_samples(scene, samples.states),
             stations=self.stations,
             residual=residual,
             iterations=jnp.asarray(iterations),
@@ -148,12 +155,13 @@ class ContinuationProblem(eqx.Module):
 
     def state(
         self, u: Float[np.ndarray, " b"], evaluation: Evaluation
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Coordinates [m] and their velocities [m/s]."""
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Coordinates [m], their velocities [m/s], and states of laws."""
         m = evaluation.direction.size
-        real, imag = np.split(float(self.size) * np.asarray(u[:m]), 2)
+        state, k = np.asarray(self.size) * np.asarray(u[:m]), len(state_names(self.scene))
+        real, imag = np.split(state[: m - k], 2)
         q, rates = np.split(real + 1j * imag, 2)
-        return q, float(evaluation.rate) * rates
+        return q, float(evaluation.rate) * rates, state[m - k :]
 
     def radius(self, evaluation: Evaluation) -> tuple[np.ndarray, np.ndarray]:
         """Smallest and largest radius at the stations [m]."""
@@ -295,7 +303,8 @@ def problem_of(
     basis = {_basis(end, chosen, orbit.passes) for end in ends}
     modal = "modal" if basis == {"modal"} else "dense"
     chosen = Exponential(chosen.order, modal, chosen.located)
-    plan = plan_of(chosen, together, orbit.steps)
+    steps = max(_steps(end, orbit) for end in (scene, *ends))
+    plan = plan_of(chosen, together, steps)
     rate = float(cycle_rate(system, orbit.passes))
     autonomous = orbit.revolutions is None
     turn = orbit.turn if autonomous else jnp.zeros(())
@@ -311,22 +320,36 @@ def problem_of(
     state: Any = np.concatenate([q, velocity / rate])
     moved = np.concatenate([np.ravel(orbit.displacement), np.ravel(orbit.velocity) / rate])
     size = float(np.abs(np.concatenate([state, moved])).max()) or 1.0
+    along = [orbit.states[name] for name in state_names(scene)]
+    states = np.array([np.abs(one).max() for one in along])
+    sizes = sizes_of(system, jnp.asarray(size), states)
+    sizes = jnp.where(sizes > 0, sizes, 1.0)
     problem = ContinuationProblem(
         scene=scene,
         stations=orbit.stations,
         plan=plan,
-        size=jnp.asarray(size, float),
+        size=sizes,
         span=jnp.asarray(rate * orbit.period if autonomous else 2 * math.pi, float),
         turn=jnp.asarray(turn),
         parameters=parameters,
         revolutions=orbit.revolutions,
-        order=symmetry_order(scene, system) if autonomous else 1,
+        order=symmetry_order(scene, system) if autonomous and not states.size else 1,
         images=images,
         passes=orbit.passes,
     )
-    x = np.concatenate([state.real, state.imag]) / size
+    begin = [one[0] for one in along]
+    x = np.concatenate([state.real, state.imag, begin]) / np.asarray(sizes)
     s = [one.place(own(scene, one.path)) for one in parameters]
     return problem, np.concatenate([x, [1.0] if autonomous else [], s])
+
+
+def _steps(scene: Scene, orbit: PeriodicOrbit) -> int:
+    """Steps of a period that follow the states of laws in a scene as well."""
+    system = with_cycle(assemble(scene), orbit.passes)
+    length = orbit.period
+    if orbit.revolutions is not None:
+        length = 2 * math.pi / cycle_rate(system, orbit.passes)
+    return steps_for_states(system, orbit.steps, length)
 
 
 def _basis(scene: Scene, solver: Exponential, passes: bool) -> str:

@@ -13,6 +13,7 @@ import diffrax as dfx
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 import optimistix as optx
 from jaxtyping import Array, Complex, Float
 
@@ -27,28 +28,31 @@ from ..equations.system import System
 from ..motion.base import Plan, Window
 from ..motion.revolutions import March, Outcome
 from ..solvers.exponential import Exponential
+from .memory import state_in
 
 
 STILL = 1e-6  # of the state, per radian: a motion slower than this counts as rest
 
 
 class OrbitSamples(NamedTuple):
-    """Displacement, velocity and contact forces of an orbit at `T` times."""
+    """Displacement, velocity, contact forces and states of laws of an orbit at `T` times."""
 
     displacement: Complex[Array, "... T s"]  # [m]
     velocity: Complex[Array, "... T s"]  # [m/s]
     contact_force: Complex[Array, "... T k"] | None  # [N]
+    states: Float[Array, "... T x"] | None  # None: the scene has none
 
     @classmethod
     def of(cls, samples: Window) -> "OrbitSamples":
-        return cls(samples.displacement, samples.velocity, samples.contact_force)
+        return cls(samples.displacement, samples.velocity, samples.contact_force, samples.states)
 
 
 class Shooting(eqx.Module):
     """The residual `R(-turn) flow(x, T) - x` in real numbers.
 
-    `n` complex coordinates make `m = 4 n` real numbers. The unknown `x` is the state `(q, dq/dtheta)`
-    over `size`; where the period is unknown, one more number multiplies the span of the guess.
+    `n` complex coordinates and `k` states of laws make `m = 4 n + k` real numbers. The unknown `x` is the
+    state `(q, dq/dtheta)` and those of the laws over `size`; where the period is unknown, one more number
+    multiplies the span of the guess.
     """
 
     system: System
@@ -57,7 +61,7 @@ class Shooting(eqx.Module):
     rate: Scalar  # [rad/s]
     span: Scalar  # of the guess [rad]; of a revolution where the period is given
     turn: Scalar  # [rad]
-    size: Scalar  # [m]
+    size: Float[Array, " m"]  # [m], and in the units of the states
     guess: Float[Array, " m"]
     normal: Float[Array, " m"] | None  # of the phase condition; None: the period is given
     revolutions: int = eqx.field(static=True)
@@ -71,10 +75,10 @@ class Shooting(eqx.Module):
         rate: Scalar,
         span: Scalar,
         turn: Scalar,
-        start: tuple[Complex[Array, " n"], Complex[Array, " n"]],
+        start: tuple[Complex[Array, " n"], Complex[Array, " n"], Float[Array, " k"]],
         revolutions: int | None,
     ) -> "Shooting":
-        """The problem near a start (q, velocity); with `revolutions=None` the period is unknown."""
+        """The problem near a start, see `encode`; with `revolutions=None` the period is unknown."""
         if revolutions is None:  # the equations must be autonomous
             system = without_unbalance(system)
         system = with_lent_films(system)
@@ -83,9 +87,10 @@ class Shooting(eqx.Module):
         steady = [] if lent else steady_amplitudes(system)
         size = jnp.max(jnp.abs(jnp.concatenate([start[0], start[1] / rate, *steady])))
         size = jax.lax.stop_gradient(jnp.where(size > 0, size, 1.0))
+        size = sizes_of(system, size, jnp.ones_like(start[2]))
         parts = system, plan, stations, rate, span, turn
-        known = jnp.zeros(4 * system.n), None, revolutions or 1
-        if system.clocks:  # what turns may move a rotor from rest that has no load
+        known = jnp.zeros_like(size), None, revolutions or 1
+        if system.clocks or system.state_count:  # they may move a rotor from rest that has no load
             trial = jax.lax.stop_gradient((parts, size, start))
             size = _size_of(cls(*trial[0], trial[1], *known), trial[2])
         parts = *parts, size
@@ -101,16 +106,21 @@ class Shooting(eqx.Module):
         """The unknowns of the guess."""
         return self.guess if self.normal is None else jnp.append(self.guess, 1.0)
 
-    def encode(self, q: Complex[Array, " n"], velocity: Complex[Array, " n"]) -> Float[Array, " m"]:
-        """State of coordinates [m] and velocities [m/s]."""
-        state = jnp.concatenate([q, velocity / self.rate]) / self.size
-        return jnp.concatenate([state.real, state.imag])
+    def encode(
+        self, q: Complex[Array, " n"], velocity: Complex[Array, " n"], states: Float[Array, " k"]
+    ) -> Float[Array, " m"]:
+        """State of coordinates [m], velocities [m/s] and states of laws."""
+        state = jnp.concatenate([q, velocity / self.rate])
+        return jnp.concatenate([state.real, state.imag, states]) / self.size
 
-    def decode(self, x: Array) -> tuple[Complex[Array, " n"], Complex[Array, " n"]]:
-        """Coordinates [m] and velocities [m/s] of a state."""
-        real, imag = jnp.split(self.size * x[: self.guess.size], 2)
+    def decode(
+        self, x: Array
+    ) -> tuple[Complex[Array, " n"], Complex[Array, " n"], Float[Array, " k"]]:
+        """Coordinates [m], velocities [m/s] and states of laws of a state."""
+        n = self.system.n
+        real, imag, states = jnp.split(self.size * x[: self.guess.size], [2 * n, 4 * n])
         q, rates = jnp.split(jax.lax.complex(real, imag), 2)
-        return q, self.rate * rates
+        return q, self.rate * rates, states
 
     def march(self, x: Array) -> March:
         """The motion, ready to step a revolution, or an unknown period, at a time."""
@@ -124,23 +134,23 @@ class Shooting(eqx.Module):
         """Residual of the unknowns, over `size`, and samples and outcome of every revolution."""
         march, state = self.march(x), x[: self.guess.size]
         keep = lambda carry, samples, _: (carry, OrbitSamples.of(samples))
-        y = march.form.encode(*self.decode(x))
+        y = march.encode(*self.decode(x))
         (y, _, outcome), samples = march.collect(y, None, keep, self.revolutions)
         back = jnp.exp(-1j * self.turn)
-        q, velocity = march.form.decode(y)
-        change = self.encode(back * q, back * velocity) - state
+        q, velocity, states = state_in(march, y)
+        change = self.encode(back * q, back * velocity, states) - state
         if self.normal is not None:
             change = jnp.append(change, self.normal @ (state - self.guess))
         return change, (samples, outcome)
 
     def direction(self, x: Array) -> Float[Array, " m"]:
         """Unit vector along the motion in a state; not a number at rest."""
-        q, velocity = self.decode(x)
+        q, velocity, states = self.decode(x)
         state = jnp.stack([q, velocity / self.rate])
         motion = Motion(self.system, self.rate)
-        field = motion(jnp.zeros(()), plane(state, axis=1))
+        field, states = motion.with_states(jnp.zeros(()), plane(state, axis=1), states)
         q, rates = field[:, 0] + 1j * field[:, 1]
-        rate = self.encode(q, self.rate * rates)
+        rate = self.encode(q, self.rate * rates, states)
         length = linalg.norm(rate)
         return rate / jnp.where(length > STILL * linalg.norm(x), length, jnp.nan)
 
@@ -166,13 +176,28 @@ class Shooting(eqx.Module):
         return values[jnp.argsort(-jnp.abs(values))], trivial
 
 
-def _size_of(shooting: Shooting, start: tuple[Array, Array]) -> Scalar:
-    """The largest displacement of a trial and of its ends, in units of length [m]."""
-    x = shooting.encode(*start)
+def _size_of(shooting: Shooting, start: tuple[Array, Array, Array]) -> Float[Array, " m"]:
+    """Sizes by the largest displacement of a trial and of its ends, and by its states of laws."""
+    x, of_rotor = shooting.encode(*start), 4 * shooting.system.n
     change, (samples, _) = shooting.residual(x)
     seen = jnp.max(jnp.abs(samples.displacement))
-    size = jnp.maximum(seen, shooting.size * jnp.max(jnp.abs(jnp.stack([x, x + change]))))
+    ends = jnp.stack([x, x + change])[:, :of_rotor]
+    size = jnp.maximum(seen, shooting.size[0] * jnp.max(jnp.abs(ends)))
+    states = jnp.zeros(0)
+    if samples.states is not None:
+        states = jnp.max(jnp.abs(samples.states), axis=(0, 1))
+    size = sizes_of(shooting.system, size, states)
     return jnp.where((size > 0) & jnp.isfinite(size), size, shooting.size)
+
+
+def sizes_of(
+    system: System, size: Scalar, states: Float[Array, " k"] | Float[np.ndarray, " k"]
+) -> Float[Array, " m"]:
+    """Unit of every number of a state: a `size` [m], and of `states` the largest of those of one unit."""
+    units = np.array(system.state_units)
+    alike = jnp.asarray(units[:, None] == units).reshape(len(units), len(units))
+    largest = jnp.max(jnp.where(alike, jnp.asarray(states), 0.0), axis=1, initial=0.0)
+    return jnp.concatenate([jnp.full(4 * system.n, size), largest])
 
 
 def differentiable(solver: Any, system: System) -> Exponential:

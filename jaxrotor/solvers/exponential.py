@@ -120,9 +120,8 @@ class Revolution(NamedTuple):
     """A revolution by steps, of one motion or of lanes last."""
 
     end: Float[Array, "m2 ..."]
-    samples: (
-        Float[Array, "T s4 ..."] | None
-    )  # what the stations read at the start and after every step
+    # What the stations read at the start and after every step, and then states of laws:
+    samples: Float[Array, "T r ..."] | None
     unresolved: Int[Array, "..."]  # steps whose changes of contact were not located
 
 
@@ -173,7 +172,7 @@ def revolution_of_lanes(
         y, samples = jax.lax.scan(functools.partial(_stepped, parts), y, phases, unroll=unroll)
     if stations is None or samples is None:
         return Revolution(y, None, jnp.zeros(y.shape[1:], int))
-    samples = jnp.concatenate([samples, stations.of_lanes(phases[0, 0], y)[None]])
+    samples = jnp.concatenate([samples, _seen(step, stations, phases[0, 0], y)[None]])
     return Revolution(y, samples, jnp.zeros(y.shape[1:], int))
 
 
@@ -190,14 +189,14 @@ def _located_revolution(
     def one(carry, following):
         y, unresolved, (known, phase) = carry
         end, _, more = step.advance_by(known, y)
-        seen = None if stations is None else stations.of_lanes(phase, y)
+        seen = None if stations is None else _seen(step, stations, phase, y)
         return (end, unresolved + more, following), seen
 
     first, after = in_turn((jax.vmap(step.data_of)(angles[:-1]), phases[:-1]))
     begin = y, jnp.zeros(y.shape[1:], int), first
     (y, unresolved, _), samples = jax.lax.scan(one, begin, after)
     if stations is not None and samples is not None:
-        samples = jnp.concatenate([samples, stations.of_lanes(phases[-1], y)[None]])
+        samples = jnp.concatenate([samples, _seen(step, stations, phases[-1], y)[None]])
     return Revolution(y, samples, unresolved)
 
 
@@ -208,5 +207,18 @@ def _stepped(
 ) -> tuple[Float[Array, "m2 lanes"], Float[Array, "s4 lanes"] | None]:
     """States after a step, and what the stations read before it, lanes last."""
     step, stations = parts
-    seen = None if stations is None else stations.of_lanes(phases[0], y)
+    seen = None if stations is None else _seen(step, stations, phases[0], y)
     return step(StepData(phases), y)[0], seen
+
+
+def _seen(
+    step: Step | LocatedStep,
+    stations: Reading | YieldingReading,
+    phase: Float[Array, "2 ..."],
+    y: Float[Array, "m2 ..."],
+) -> Float[Array, "r ..."]:
+    """Readings of the stations, and then states of laws, at a phase."""
+    if not step.forcing.others:
+        return stations.of_lanes(phase, y)
+    w, x = jnp.split(y, [len(y) - step.forcing.others])
+    return jnp.concatenate([stations.of_lanes(phase, w), x])

@@ -24,7 +24,10 @@ PARABOLA = np.array([[1.0, 0.0, 0.0], [-3.0, 4.0, -1.0], [2.0, -4.0, 2.0]])
 
 
 class AtConstantSpeed(AbstractForcing):
-    """Contact; `w` is the deviation from the steady response. A node is the phase, a start the angle."""
+    """Contact; `w` is the deviation from the steady response. A node is the phase, a start the angle.
+
+    `x` are the states of laws.
+    """
 
     field: PortField
 
@@ -40,7 +43,7 @@ class AtConstantSpeed(AbstractForcing):
 
     @property
     def others(self) -> int:
-        return 0
+        return sum(len(port.places) for port in self.ports)
 
     @property
     def through(self) -> Float[Array, "p4 p2"] | None:
@@ -60,10 +63,13 @@ class AtConstantSpeed(AbstractForcing):
         return own + self.reading.steady(node)
 
     def forces(self, node, seen, x, law):
-        del x
         phase, reading = lambda: node, self.reading
-        force = self.field.forces_of(phase, reading.fixed(phase, seen), law)
-        return reading.turned(phase, force), None
+        states = x if self.others else None
+        found = self.field.forces_of(phase, reading.fixed(phase, seen), law, states)
+        if states is None:
+            return reading.turned(phase, found), None
+        force, rates = jnp.split(found, [2 * len(self.ports)])
+        return reading.turned(phase, force), rates / self.field.motion.rate
 
     def motion(self, node, seen, law):
         phase = lambda: node
@@ -73,8 +79,7 @@ class AtConstantSpeed(AbstractForcing):
         return _motion(seen)
 
     def of_laws(self, node, x):
-        del x
-        return self.field.motion.of_laws(lambda: node)
+        return self.field.motion.of_laws(lambda: node, x if self.others else None)
 
 
 class KnownRotation(NamedTuple):

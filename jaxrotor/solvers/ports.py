@@ -17,11 +17,11 @@ from jaxtyping import Array, Complex, Float, Inexact
 
 from ..core.lanes import per_lane, product
 from ..core.quantities import Scalar
-from ..effects.law import Now
+from ..effects.law import Now, States
 from ..equations.constant_frame import ConstantFrame
 from ..equations.massless_coordinates import Condensed
 from ..equations.pencil import steady_response
-from ..equations.port import Law, Port, actual, port_forces
+from ..equations.port import Law, Port, actual, forces_and_rates
 from ..equations.stationary_frame import Motion
 from ..equations.system import System
 from .basis import (
@@ -134,10 +134,18 @@ class PortField(eqx.Module):
         return self.reading.around(phase, self.through)
 
     def forces_of(
-        self, phase: Phase, seen: Float[Array, "p4 ..."], law: Law = actual
-    ) -> Float[Array, "p2 ..."]:
-        """`[Re, Im]` of the port forces from displacement and velocity of the ports without them."""
-        through, parts = self.through_at(phase), (self.motion.ports, self.motion.of_laws(phase))
+        self,
+        phase: Phase,
+        seen: Float[Array, "p4 ..."],
+        law: Law = actual,
+        states: States | None = None,
+    ) -> Float[Array, "f ..."]:
+        """`[Re, Im]` of the port forces from displacement and velocity of the ports without them.
+
+        The rates of the states of laws follow where states are given; then all ports have mass.
+        """
+        through, now = self.through_at(phase), self.motion.of_laws(phase, states)
+        parts = self.motion.ports, now
         if through is None:
             return forces_of_lanes(*parts, seen, law)
         yielding = lambda every, seen: _through(every[0], every[1], seen, every[2])
@@ -162,9 +170,10 @@ def take_lanes(ports: tuple[Port, ...]) -> bool:
 
 def forces_of_lanes(
     ports: tuple[Port, ...], now: Now, seen: Float[Array, "p4 ..."], law: Law = actual
-) -> Float[Array, "p2 ..."]:
+) -> Float[Array, "f ..."]:
     """`[Re, Im]` of the forces of all ports, from displacement and velocity, in one or all lanes.
 
+    Where `now` has states of laws, their rates per second follow.
     Elementwise laws are called once for all lanes. Without the barriers the compiler computes what a
     stage reads, and its forces, once for each of their uses: 70 in place of 36 ns a lane-step of order 2.
     """
@@ -181,10 +190,11 @@ def forces_of_lanes(
 @eqx.filter_jit  # traced once a program
 def _forces(
     parts: tuple[tuple[Port, ...], Now], seen: Float[Array, "p4 ..."], law: Law
-) -> Float[Array, "p2 ..."]:
+) -> Float[Array, "f ..."]:
     (ports, now), motion = parts, seen.reshape(2, 2, -1, *seen.shape[1:])
-    forces = port_forces(ports, motion[:, 0], motion[:, 1], now, law)
-    return forces.reshape(-1, *seen.shape[1:])
+    forces, rates = forces_and_rates(ports, motion[:, 0], motion[:, 1], now, law)
+    forces = forces.reshape(-1, *seen.shape[1:])
+    return forces if rates is None else jnp.concatenate([forces, rates])
 
 
 class YieldingReading(eqx.Module):

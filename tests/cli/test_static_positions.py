@@ -32,7 +32,11 @@ def test_show_tells_what_it_can():
     assert found["whirl_frequencies"]["forward"] and found["critical_speeds"] is None
     assert "about a static position" in found["no_critical_speeds"]
     bearings = " ".join(run("show", "rolling-bearing").split())
-    assert "nothing holds it" not in bearings and "campbell rolling-bearing" in bearings
+    assert "nothing holds it" not in bearings
+    for command in ("campbell", "critical"):
+        assert f"{command} rolling-bearing" in bearings
+    magnetic = " ".join(run("show", "magnetic-rotor").split())
+    assert "campbell magnetic-rotor" in magnetic and "critical magnetic-rotor" not in magnetic
     cracked = run("show", "cracked-rotor")
     assert "crack.loss" in cracked and "breathe as the shaft turns" in " ".join(cracked.split())
 
@@ -48,6 +52,7 @@ def test_critical_speeds_have_the_stiffness_at_each_speed():
     assert "2787.5 rad/s" in ended and "raise `spin.speed`" in ended
     refused = CliRunner().invoke(app, ["critical", "magnetic-rotor"])
     assert refused.exit_code and "jaxrotor campbell magnetic-rotor" in refused.output
+    assert "(magnetic_bearings.0, magnetic_bearings.1)" in " ".join(refused.output.split())
     refused = CliRunner().invoke(app, ["critical", "seal-whirl", "--set", "spin.speed=0"])
     assert refused.exit_code and "--set spin.speed=3000rpm" in refused.output
     refused = CliRunner().invoke(app, ["campbell", "seal-whirl", "--from", "0", "--to", "0"])

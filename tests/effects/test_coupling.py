@@ -190,7 +190,25 @@ def test_reactions_at_rest():
     k = 48 * jr.steel().youngs_modulus * np.pi * diameter**4 / 64 / length**3
     place = lambda d, ks: d * ks / (k + ks)
     z = place(D.real, KS * (1 + share)) + 1j * place(D.imag, KS * (1 - share))
-    np.testing.assert_allclose(found.static, [-k * z / 2] * 2, rtol=1e-9)
+    np.testing.assert_allclose(found.static, [k * z, -k * z / 2, -k * z / 2], rtol=1e-9)
+
+
+def test_reactions_of_a_coupling():
+    """Its force and moment by displacement and slope, against the axes that turn."""
+    pins = jr.Constraint(0.0), jr.Constraint(1.0)
+    shaft = jr.FlexibleShaft(1.0, 0.04, constraints=pins, nodes=5, shear=False)
+    placed = {"offset": abs(D), "direction": np.angle(D), "angle": 0.3}
+    tilted = {"angular_stiffness": 2e4, "tilt": 1e-3, "tilt_direction": -0.8}
+    coupling = jr.Coupling(0.3, KS, 0.4, **placed, **tilted)
+    parts = jr.Disc(0.3, M), jr.Unbalance(0.3, M, 1e-4), coupling
+    motion = jr.simulate(jr.Scene(shaft, *parts, spin=jr.ConstantSpeed(150.0)), 2, 16, at=0.3)
+    found, turn = jr.reactions(motion), np.exp(2j * (motion.angle + 0.3))
+    z, slope = motion.displacement[:, 0], motion.slope[:, 0]
+    of = lambda k, u: k * (u + 0.4 * turn * u.conj())
+    assert found.names[0] == "coupling" and len(found.names) == 3
+    np.testing.assert_allclose(found.force[:, 0], of(KS, D - z), rtol=1e-9)
+    away = 1e-3 * np.exp(-0.8j) - slope
+    np.testing.assert_allclose(found.moment[:, 0], of(2e4, away), rtol=1e-9)
 
 
 @pytest.mark.slow

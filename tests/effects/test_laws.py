@@ -375,8 +375,10 @@ def carried():
             lambda: jr.harmonic_balance(rotor(UNBALANCE, TurningForce(0.5, 1.0, 0.4)), harmonics=2),
             "count turns",
         ),
-        (lambda: jr.periodic(worn(), jr.Whirl(1e-4)), "`periodic` is for forces that the motion"),
-        (lambda: jr.lyapunov(worn()), "have states of their own or count turns; follow its motion"),
+        (
+            lambda: jr.harmonic_balance(worn(), harmonics=2),
+            "have states of their own or count turns; follow its motion",
+        ),
         (carried, "`carry` continues each lane at angle zero"),
         (
             lambda: jr.sweep(worn(), {"worn_rim.gap": [1e-4]}, solver=jr.Exponential()),
