@@ -93,7 +93,7 @@ class Scene(eqx.Module):
             check_kind(effect, AbstractEffect, "Each effect of a scene", "an effect")
         check_kind(spin, AbstractSpin, "`spin`", "a spin such as ConstantSpeed(300.0)")
         self.shaft, self.effects, self.spin, self.assumption = first, members, spin, assumption
-        self.name = name
+        self.name, self.observed, self.in_time = name, None, False
         check_shafts(members, name)
         check_casings(members, self.shafts)
         layouts = []

@@ -145,7 +145,7 @@ def linearized(scene: Scene, speeds: Any = None) -> Scene:
     if isinstance(found, StaticPositions):
         return scene.of_parts(*effects)
     assumption = "; ".join(filter(None, [scene.assumption, found.assumption]))
-    return Scene(scene.shaft, *effects, spin=scene.spin, assumption=assumption)
+    return Scene(scene.shaft, *effects, spin=scene.spin, assumption=assumption, name=scene.name)
 
 
 def check_linear(scene: Scene, speeds: Any = None) -> None:

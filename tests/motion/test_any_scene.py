@@ -160,7 +160,7 @@ def test_every_shipped_scene_moves(name):
     if scene.resolution:
         scene = scene.with_nodes(3)
     if not has(scene, "gravity.acceleration"):
-        scene = jr.Scene(scene.shaft, *scene.effects, jr.Gravity(9.81), spin=scene.spin)
+        scene = scene.of_parts(*scene.effects, jr.Gravity(9.81))
     station = scene.shaft.length if "ball" in name else None
     paths = "disc.mass", "discs.0.mass", "ball_balancers.0.drag", "magnetic_bearings.kd"
     path = next(path for path in paths if has(scene, path))
