@@ -28,4 +28,5 @@ def resolved(scene: Scene, count: int | None) -> Scene:
             needed = shaft.resolution(stations or (), layout.spans, held, modes)
             layout = layout._replace(resolution=needed)
         layouts.append(layout)
-    return with_values(scene, layouts=tuple(layouts))
+    same = tuple(layouts) == scene.layouts
+    return scene if same else with_values(scene, layouts=tuple(layouts))

@@ -124,8 +124,8 @@ def show(
             **{f"speed of {name}": speeds([one]) for name, one in turning.items()},
         }
     )
-    why = _why_not_critical(scene, linear is not rotor and linear, no_critical)
-    rows += _critical_rows(critical, why, rate, rotor.shafts[:1])
+    instead = _why_not_critical(scene, linear is not rotor and linear, no_critical)
+    rows += _critical_rows(critical, instead, rate, rotor.shafts[:1])
     rows += [row for k, one in others.items() for row in _critical_rows(*one, rate, [k])]
     lost = f"at {speeds(onset['speed'])}" if onset else not refused and why
     rows += answer.filled({"critical": end, "loses stability": lost})

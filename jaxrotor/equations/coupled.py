@@ -174,7 +174,7 @@ class CoupledForces(eqx.Module):
     def turning(self, now: Instant, others: AuxiliaryState) -> Turning:
         """Rotation now; the acceleration of a free spin is not known yet."""
         if self.free:
-            return Turning(others.angle[0], others.speed[0], jnp.zeros(()), now.time)
+            return Turning(others.angle[0], others.speed[0], jnp.zeros(()))
 
         def known(parts: tuple[AbstractSpin, Scalar | None], now: Instant) -> Turning:
             (spin, polar), (time, inside) = parts, now
@@ -186,7 +186,7 @@ class CoupledForces(eqx.Module):
         parts = self.system.spin, self.system.blocks.polar
         alone = jnp.ndim(now.time) == 0
         found = known(parts, now) if alone else per_lane(known, parts, now)
-        return found._replace(angle=self.begin + found.angle, time=now.time)
+        return found._replace(angle=self.begin + found.angle)
 
     def __call__(
         self, at: Instant, seen: Complex[Array, "z ..."], others: AuxiliaryState, law: Law = actual
@@ -209,7 +209,7 @@ class CoupledForces(eqx.Module):
         motion = plane(place, axis=1), plane(velocity, axis=1)
         none = jnp.zeros_like(others.bodies)
         bodies = others.bodies, turning.speed + others.bodies_rate, none
-        still = Kinematics(turning, none, none, none, *bodies, others.states)
+        still = Kinematics(turning, none, none, none, *bodies, others.states, at.time)
         own = of_each(system.ports, still.of_laws, *motion)
         motions = list(zip(system.ports, *motion, own, strict=True))
         contacts = [law(i, *motion) for i, motion in enumerate(motions)]

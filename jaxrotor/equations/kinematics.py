@@ -8,6 +8,7 @@ from jaxtyping import Array, Complex, Float
 
 from ..core.lanes import computed_once
 from ..core.plane import directions
+from ..core.quantities import Number
 from ..effects.law import Now
 from ..spins.base import Turning
 
@@ -41,6 +42,7 @@ class Kinematics(NamedTuple):
     bodies_speed: Float[Array, "b ..."]  # phi. [rad/s]
     bodies_acceleration: Float[Array, "b ..."]  # phi.. [rad/s^2]
     states: Float[Array, "s ..."]  # of laws, in their own units
+    time: Number | None = None  # [s]; None: at rest
 
     @property
     def velocity(self) -> Complex[Array, "n ..."]:
@@ -60,6 +62,5 @@ class Kinematics(NamedTuple):
     @property
     def of_laws(self) -> Now:
         """Rotation and states, as laws are given them."""
-        angle, speed, *rest = self.turning
-        known = dict(zip(("acceleration", "time"), rest, strict=True))
-        return Now(speed, angle, self.states, **known)
+        angle, speed, acceleration = self.turning
+        return Now(speed, angle, self.states, acceleration=acceleration, time=self.time)

@@ -138,9 +138,8 @@ class Transient(eqx.Module):
         turning = self._turning(time, y)
         nothing = jnp.zeros_like(y.bodies)
         spinning = turning.speed + self.rate * y.bodies_rate
-        now = Kinematics(
-            turning, r, drift, jnp.zeros_like(r), y.bodies, spinning, nothing, y.states
-        )
+        bodies = y.bodies, spinning, nothing
+        now = Kinematics(turning, r, drift, jnp.zeros_like(r), *bodies, y.states, time)
         if self.massless is not None:
             now = self._with_massless_motion(self.massless, now)
         push = -resistance(self._blocks(turning.speed), now)
@@ -169,7 +168,7 @@ class Transient(eqx.Module):
         drift = massless.velocity(now.drift, lambda drift: imbalance(now._replace(drift=drift)))
         if massless.undamped is not None:
             # d/dt of `A r + b = 0`: the change of `A` and `b` is balanced by `A r.`
-            angle, speed, acceleration = now.turning[:3]
+            angle, speed, acceleration = now.turning
 
             def at(angle: Array, speed: Array, r: Array) -> Array:
                 turning = now.turning._replace(angle=angle, speed=speed)
@@ -207,10 +206,10 @@ class Transient(eqx.Module):
         """Rotation now; the acceleration of a spin with feedback is a first estimate."""
         if not y.speed.size:
             known = self.system.spin.turning(time, self.system.blocks.polar)
-            return known._replace(angle=self.begin + known.angle, time=time)
+            return known._replace(angle=self.begin + known.angle)
         speed = self.rate * y.speed[0]
         torque = drive_of(self.system).moment(speed, self.sense)
-        return Turning(y.angle[0], speed, self._acceleration(torque), jnp.asarray(time))
+        return Turning(y.angle[0], speed, self._acceleration(torque))
 
     def _acceleration(self, torque: Array) -> Array:
         """`Omega.` under a torque [N m], zero where the spin is held."""

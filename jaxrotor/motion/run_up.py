@@ -355,7 +355,7 @@ def _motion(
 
 
 def _result(scene, times, stations, motion: _Motion, named: tuple[str, str], pilots) -> TimeHistory:
-    angle, speed, acceleration = motion.run.turning[:3]
+    angle, speed, acceleration = motion.run.turning
     return TimeHistory(
         time=times,
         angle=angle,

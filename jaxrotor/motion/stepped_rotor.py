@@ -162,7 +162,7 @@ class SteppedRotor(eqx.Module):
         if self.forces is not None:
             return self.forces.turning(Instant.at(jnp.asarray(time)), others)
         now = turning(self.system, jnp.asarray(time))
-        return now._replace(angle=self.angle + now.angle, time=jnp.asarray(time))
+        return now._replace(angle=self.angle + now.angle)
 
 
 class Path(eqx.Module):

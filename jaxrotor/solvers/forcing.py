@@ -260,7 +260,7 @@ class Coupled(AbstractWholeMotion):
     def of_laws(self, node, x):
         others = self.sizes.named(x)
         turning = self._turning(node, others)
-        known = {"acceleration": turning.acceleration, "time": turning.time}
+        known = {"acceleration": turning.acceleration, "time": node.time}
         return Now(turning.speed, turning.angle, others.states, **known)
 
     def _turning(self, node: Instant, others: AuxiliaryState) -> Turning:

@@ -17,7 +17,6 @@ class Turning(NamedTuple):
     angle: Float[Array, "*time"]  # theta [rad], 0 at t = 0
     speed: Float[Array, "*time"]  # Omega [rad/s]
     acceleration: Float[Array, "*time"]  # Omega. [rad/s^2]
-    time: Float[Array, "*time"] | None = None  # [s]; None: nothing asks for it
 
 
 class AbstractSpin(AbstractPart):
