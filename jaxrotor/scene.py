@@ -25,7 +25,7 @@ from .core.plausibility import warn_implausible
 from .core.quantities import known, quantity_units, with_values
 from .core.representation import number_text
 from .core.tables import notebook_table
-from .effects.base import AbstractCasing, AbstractEffect
+from .effects.base import AbstractCasing, AbstractCoaxial, AbstractEffect
 from .effects.layout import (
     Layout,
     Placed,
@@ -195,10 +195,14 @@ class Scene(eqx.Module):
                 f"A {type(self.shaft).__name__} has no nodes; only a FlexibleShaft has."
             )
         other: dict[str, Any] = {"nodes": nodes} | ({} if rule is None else {"rule": rule})
+        effects = [
+            dataclasses.replace(one, body=dataclasses.replace(one.body, **other))
+            if isinstance(one, AbstractCoaxial) and hasattr(one.body, "nodes")
+            else one
+            for one in self.effects
+        ]
         shaft = dataclasses.replace(self.shaft, **other)
-        return Scene(
-            shaft, *self.effects, spin=self.spin, assumption=self.assumption, name=self.name
-        )
+        return with_values(self, shaft=shaft).of_parts(*effects)
 
     def of(self, kind: type) -> tuple:
         """Effects that are instances of a class: an effect, `Disc`, or a capability, `AbstractContact`."""

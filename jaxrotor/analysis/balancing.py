@@ -74,7 +74,11 @@ def total_mass(scene: Scene) -> Scalar:
 
     Returns:
         Mass [kg]. Differentiable.
+
+    Raises:
+        ValueError: If the scene has several shafts.
     """
+    check_one_shaft(scene.shafts, "`total_mass`")
     return _weights(scene)[0]
 
 
@@ -86,7 +90,11 @@ def centre_of_mass(scene: Scene) -> Scalar:
 
     Returns:
         Station [m]. Differentiable.
+
+    Raises:
+        ValueError: If the scene has several shafts.
     """
+    check_one_shaft(scene.shafts, "`centre_of_mass`")
     mass, moment = _weights(scene)
     return moment / mass
 

@@ -19,7 +19,7 @@ from ..equations.system import System, assemble
 from ..scene import Scene
 from .linearized import check_linear
 from .modal import STRAIGHT, inertia_shares, kind_of_whirl
-from .operating_line import OperatingLine, whirls_by
+from .operating_line import OperatingLine, check_first, whirls_by
 from .resolved import resolved
 from .synchronous import crossings, families, filled, synchronous_of
 from .whirl_tables import synchronous
@@ -217,6 +217,8 @@ def _synchronous(
         order, share = jnp.argsort(jnp.abs(speeds)), 1.0 - family
         senses = (2 * share - 1)[:, None] * jnp.ones(stations.size)
         return CriticalSpeeds(speeds[order], share[order], stations, senses[order], None, line)
+    if line is not None:
+        check_first(scene, system, line)
     speeds, share, senses = _whirls(scene, system, stations)
     order = jnp.argsort(speeds)
     share, senses = jax.lax.stop_gradient((share, senses))

@@ -15,7 +15,7 @@ from ..core import linalg
 from ..core.quantities import Scalar, known
 from ..effects.base import AbstractCoaxial
 from ..equations.parts import excess_gyroscopic
-from ..equations.pencil import Pencil, eigenvalues, isotropic, unequal_parts
+from ..equations.pencil import Pencil, eigenvalues, unequal_parts
 from ..equations.system import System
 from ..scene import Scene
 from .synchronous import families, filled, synchronous_of
@@ -68,6 +68,19 @@ class OperatingLine(eqx.Module):
         return jnp.where(own < 0, -1.0, 1.0)
 
 
+def check_first(scene: Scene, system: System, line: OperatingLine) -> None:
+    """Raise unless unequal axes or tables leave critical speeds by the first shaft, from rest on."""
+    if line.by or any(one.speed is not None for one in scene.of(AbstractCoaxial)):
+        parts = "coefficients are tables over the speed"
+        if system.tabled is None:
+            parts = f"the axes of {unequal_parts(system)} are unequal"
+        raise ValueError(
+            "Critical speeds by another shaft than the first one, and along an operating line that does "
+            "not begin at rest, are for a rotor that is the same along every axis and at every speed, but "
+            f"{parts}; look at `jaxrotor.campbell(..).crossings(by=..)`."
+        )
+
+
 def whirls_by(
     scene: Scene, system: System, line: OperatingLine
 ) -> tuple[Float[Array, " c"], Int[Array, " c"]]:
@@ -88,12 +101,6 @@ def whirls_by(
         family = jnp.repeat(jnp.arange(len(found)), found[0].size)
         speeds = jnp.concatenate(found)
         return jnp.where(jnp.isfinite(speeds), sense * speeds, jnp.inf), family
-    if not isotropic(blocks):
-        raise ValueError(
-            "Critical speeds along an operating line that does not begin at rest are for a rotor that is "
-            f"the same along every axis, but the axes of {unequal_parts(system)} are unequal; look at "
-            "`jaxrotor.campbell`."
-        )
     stiffness, inertia, gyroscopic = map(
         part, (blocks.stiffness, blocks.inertia, blocks.gyroscopic)
     )

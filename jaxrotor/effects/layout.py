@@ -62,11 +62,15 @@ class Placed(NamedTuple):
             if (reason := self.shaft.reason_against(at)) is not None:
                 beyond = f" ({at:g} m from the left end of its shaft)" * (self.start is not None)
                 raise ValueError(f"The {owner} at {at + start:g} m{beyond} {reason}.")
-        if self.start is None or not start:
-            check_yield(self.shaft, self.effects)
-            check_hinges(self.shaft, self.effects, spans := self.shaft.spans(stations), stations)
-            return spans
-        return self.shaft.spans(stations)
+        check_yield(self.shaft, self.effects, start)
+        spans = self.shaft.spans(stations)
+        if self.start is not None and has_hinges(self.effects):
+            raise ValueError(
+                "A hinge of a shaft, as by a crack with `compliance`, is for scenes of one shaft; give "
+                "the `loss` of stiffness at its station instead."
+            )
+        check_hinges(self.shaft, self.effects, spans, stations)
+        return spans
 
     def layout(self, stations: tuple[float, ...]) -> Layout:
         """Spans between known stations, and their nodes."""

@@ -84,19 +84,24 @@ def count_held(effects: tuple[AbstractEffect, ...]) -> int:
     return len({float(at) for at in held if at is not None})
 
 
-def check_sensors(shaft: AbstractShaft, effects: tuple[AbstractEffect, ...]) -> None:
+def check_sensors(shaft: AbstractShaft, effects: tuple[AbstractEffect, ...], start: float) -> None:
     """Raise if a sensor is where nothing can be placed on the shaft."""
     for effect in effects:
         sensor = getattr(effect, "sensor", None)
         if sensor is None or not (known(sensor) and known(shaft.length)):
             continue
-        if (reason := shaft.reason_against(float(sensor))) is not None:
+        if (reason := shaft.reason_against(float(sensor) - start)) is not None:
             raise ValueError(f"The sensor of a {effect.kind} at {float(sensor):g} m {reason}.")
 
 
-def check_yield(shaft: AbstractShaft, effects: tuple[AbstractEffect, ...]) -> None:
-    """Raise if a sensor is off the shaft, or a support where a constraint holds what it acts on."""
-    check_sensors(shaft, effects)
+def check_yield(
+    shaft: AbstractShaft, effects: tuple[AbstractEffect, ...], start: float = 0.0
+) -> None:
+    """Raise if a sensor is off the shaft, or a support where a constraint holds what it acts on.
+
+    Stations of effects [m] are those along an axis on which the shaft begins at `start`.
+    """
+    check_sensors(shaft, effects, start)
     pins = [one for one in getattr(shaft, "constraints", ()) if one.displacement]
     for effect in effects:
         at, on = getattr(effect, "at", None), getattr(effect, "on", None)
@@ -104,7 +109,7 @@ def check_yield(shaft: AbstractShaft, effects: tuple[AbstractEffect, ...]) -> No
         if at is None or on is not None or not linear or effect.turns_section:
             continue
         for pin in pins:
-            if coincide(float(at), float(pin.at), float(shaft.length)):
+            if coincide(float(at) - start, float(pin.at), float(shaft.length)):
                 raise ValueError(
                     f"The {effect.kind} at {float(at):g} m has no effect, since a {pin.holds} of the "
                     "shaft holds the displacement there; leave one of both out."

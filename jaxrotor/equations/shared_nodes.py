@@ -11,6 +11,13 @@ def with_shared_nodes(scene: Scene, paths: Iterable[str]) -> Scene:
 
     Stations and the shaft decide nodes that are "auto"; where one of these varies, every span has 8.
     """
-    decides = any(path.startswith("shaft.") or path.endswith(".at") for path in paths)
-    varies = decides and getattr(scene.shaft, "nodes", None) == "auto"
-    return scene.with_nodes(NODES) if varies else scene
+    owners = ("shaft.", "shafts.", "coaxial_shaft.", "coaxial_shafts.")
+    turning = (
+        ".ratio",
+        ".speed",
+        ".phase",
+    )  # of a shaft beside the first one, which move no station
+    decides = [path for path in paths if path.startswith(owners) or path.endswith(".at")]
+    decides = [path for path in decides if not path.endswith(turning)]
+    automatic = any(getattr(own.shaft, "nodes", None) == "auto" for own in scene.placed())
+    return scene.with_nodes(NODES) if decides and automatic else scene

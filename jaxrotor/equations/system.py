@@ -209,9 +209,10 @@ def _assembled(scene: Scene, together: tuple[tuple[int, ...], ...]) -> System:
     lines = [line_of(line, one.shaft) for one in contacts]
     owned = {i: one.own_port(lines[i]) for i, one in enumerate(contacts) if one.own_port}
     every = [owned[i].law if i in owned else one.law() for i, one in enumerate(contacts)]
+    beside: dict[str | None, Any] = {o.name: o.clock for o in coaxial_shafts(scene.effects)}
+    check_clocks(scene, beside, every)
     first = np.cumsum([0, *(len(law.states) for law in every)])
     ports, members = [], []
-    clocks = {one.name: one.clock for one in coaxial_shafts(scene.effects)}
     for group in together:
         stacks: dict = {}
         for i in group:
@@ -223,7 +224,7 @@ def _assembled(scene: Scene, together: tuple[tuple[int, ...], ...]) -> System:
         row, column = ends(lines[group[0]], at, on) if own_port is None else own_port[:2]
         laws = tuple(_stack([every[i] for i in stack]) for stack in stacks.values())
         places = tuple(int(k) for i in own for k in range(first[i], first[i + 1]))
-        clock = clocks.get(contacts[group[0]].shaft)
+        clock = beside.get(contacts[group[0]].shaft)
         ports.append(Port(row, column, at, laws, on=on, places=places, clock=clock))
         members += own
     for i, group in enumerate(together):  # sensors: ports without laws, which follow all others
@@ -256,6 +257,17 @@ def _assembled(scene: Scene, together: tuple[tuple[int, ...], ...]) -> System:
         over_speed=OverSpeed.of(scene, line, parts),
         others=others,
     )
+
+
+def check_clocks(scene: Scene, beside: Any, laws: list[AbstractLaw]) -> None:
+    """Raise if a law by the angle of a revolution, or balls, are on a shaft beside the first one."""
+    pairs = zip(scene.of(AbstractContact), laws, strict=True)
+    turning = [one for one, law in pairs if law.clock == "revolution" and one.shaft in beside]
+    for effect in [*turning, *(one for one in scene.of(AbstractBodies) if one.shaft in beside)]:
+        raise ValueError(
+            f"The {scene.name_of(effect)} turns with the shaft {effect.shaft!r}, but only with the first "
+            f"one, {scene.name!r}, are such parts known; name that shaft first."
+        )
 
 
 def _deviators(scene: Scene, line: AbstractLine, parts: Parts) -> Iterator[Port]:

@@ -224,6 +224,7 @@ def test_machines_without_a_joint_are_two():
     np.testing.assert_allclose(order(found).imag, order(wanted).imag, rtol=1e-9)
 
 
+UNEQUAL = jr.Support(at=("a", 0.5), kxx=1e5, kyy=3e5)
 rub = jr.AnnularStator(at=("a", 0.5), on="b", gap=1e-3, stiffness=1e5, friction=0.1, rim_radius=0.1)
 
 
@@ -258,3 +259,7 @@ def test_what_is_refused(build, said):
 
     with pytest.raises(ValueError, match=said):
         answer()
+
+
+def test_nodes_are_those_of_every_shaft():
+    assert set(two().with_nodes(5).resolution) == {5}
