@@ -152,8 +152,15 @@ def test_whirl_of_a_run_up_is_over_its_own_speed():
     assert np.isfinite(whirl[1:]).all() and whirl[-20:].mean() == pytest.approx(1.0, abs=0.3)
 
 
+# The counter-rotor is the dual rotor at another ratio, and takes two minutes
+LONG = {"counter-rotor"}
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("name", [name for name, *_ in jr.shipped()])
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param(n, marks=pytest.mark.long) if n in LONG else n for n, *_ in jr.shipped()],
+)
 def test_every_shipped_scene_moves(name):
     """In `simulate` and in lanes of a sweep over two parameters, which end alike; or for a reason."""
     scene = jr.load(name)
