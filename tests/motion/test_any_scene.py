@@ -156,10 +156,12 @@ def test_whirl_of_a_run_up_is_over_its_own_speed():
 LONG = {"counter-rotor"}
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     "name",
-    [pytest.param(n, marks=pytest.mark.long) if n in LONG else n for n, *_ in jr.shipped()],
+    [
+        pytest.param(n, marks=pytest.mark.long if n in LONG else pytest.mark.slow)
+        for n, *_ in jr.shipped()
+    ],
 )
 def test_every_shipped_scene_moves(name):
     """In `simulate` and in lanes of a sweep over two parameters, which end alike; or for a reason."""
