@@ -378,8 +378,8 @@ class Scene(eqx.Module):
         """
         leaves = {address: leaf for path, leaf in values.items() for address in self._find(path)}
         scene = with_leaves(self, leaves)
-        pairs = zip(self.layouts, scene.placed(), self.placed(), strict=True)
-        same = all(not own.attached or new.turned == old.turned for own, new, old in pairs)
+        turned = lambda one: [own.turned for own in one.placed()]
+        same = not self.condensed or turned(scene) == turned(self)
         return scene if same else scene.of_parts(*scene.effects)
 
     def _find(self, path: str) -> list[Address]:

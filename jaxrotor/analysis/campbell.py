@@ -26,7 +26,7 @@ from .modal import (
     sense_of_whirl,
     slowest_first,
 )
-from .operating_line import OperatingLine
+from .operating_line import OperatingLine, check_shaft
 from .resolved import resolved
 from .whirl_tables import OverWhirl, whirl_roots
 
@@ -76,9 +76,7 @@ class Campbell(eqx.Module):
     def turning(self, by: str | None = None) -> Float[Array, " w"]:
         """Speeds of a shaft [rad/s], by its name where there are several; None: of the first one."""
         shafts = () if self.line is None else self.line.shafts
-        if by is not None and by not in shafts:
-            has = f"its shafts are {', '.join(shafts)}" if shafts else "it has one shaft"
-            raise ValueError(f"`by` must be the name of a shaft, but is {by!r}; {has}.")
+        check_shaft(by, shafts)
         if self.line is None or by is None:
             return self.speeds
         return self.line.at(self.speeds)[:, self.line.shafts.index(by)]

@@ -159,9 +159,8 @@ def critical_speeds(
 def _check_undamped(scene: Scene) -> None:
     """Raise if coordinates are of first order, of which nothing is left without damping."""
     if owners := of_first_order(scene.effects):
-        names = ", ".join(
-            owner.name for owner in owners
-        )  # of a magnetic bearing that is linear its own
+        # One that was linearized has the name of the part that the scene has.
+        names = ", ".join(owner.name for owner in owners)
         raise ValueError(
             f"Critical speeds are those of the rotor without damping, but controllers ({names}) have none "
             "without their first-order terms; look at `jaxrotor.response_peaks` or `jaxrotor.campbell`."

@@ -1,12 +1,13 @@
 """Places where a response is observed: stations of shafts, and casings by their names."""
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..equations.system import System
 from ..scene import Scene
-from ..shafts.cased import line_of, row_of, rows_at
+from ..shafts.cased import line_of, row_of
 from ..shafts.line import AbstractLine
 
 
@@ -36,8 +37,8 @@ class Places(eqx.Module):
 
     def rows(self, line: AbstractLine) -> Float[Array, "s n"]:
         """Displacements there as linear forms of the coordinates."""
-        if not any(self.casings):
-            return rows_at(line, self.stations, self.shafts)
+        if not any((*self.casings, *self.shafts)):
+            return jax.vmap(line.row)(self.stations)
         every = zip(self.stations, self.casings, self.shafts, strict=True)
         of = lambda at, casing, shaft: row_of(
             line_of(line, shaft), at if casing is None else casing

@@ -7,6 +7,8 @@ not zero, `-w` is no solution with `w`. A shaft whose speed does not depend on `
 speeds `Omega` of the first one: `det( K - c_k^2 M + c_k (Sum c_j G_j + Omega Sum r_j G_j) ) = 0`.
 """
 
+from collections.abc import Sequence
+
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
@@ -33,13 +35,7 @@ class OperatingLine(eqx.Module):
     @classmethod
     def of(cls, scene: Scene, by: str | None) -> "OperatingLine | None":
         """The line of a scene; None where it has one shaft. Raises unless `by` is one of its shafts."""
-        if by is not None and by not in scene.shafts:
-            has = (
-                f"its shafts are {', '.join(scene.shafts)}" if scene.shafts else "it has one shaft"
-            )
-            raise ValueError(
-                f"`by` must be the name of a shaft of the scene, but is {by!r}; {has}."
-            )
+        check_shaft(by, scene.shafts)
         if not scene.shafts:
             return None
         beside = scene.of(AbstractCoaxial)
@@ -66,6 +62,13 @@ class OperatingLine(eqx.Module):
         """-1 where the shaft `by` turns backward while the first one has a speed [rad/s], else 1."""
         own = self.ratios[self.by] * first + self.speeds[self.by]
         return jnp.where(own < 0, -1.0, 1.0)
+
+
+def check_shaft(by: str | None, shafts: Sequence[str]) -> None:
+    """Raise unless `by` is the name of one of several shafts, or None."""
+    if by is not None and by not in shafts:
+        has = f"its shafts are {', '.join(shafts)}" if shafts else "it has one shaft"
+        raise ValueError(f"`by` must be the name of a shaft of the scene, but is {by!r}; {has}.")
 
 
 def check_first(scene: Scene, system: System, line: OperatingLine) -> None:

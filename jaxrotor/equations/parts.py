@@ -77,6 +77,11 @@ def excess_gyroscopic(scene: Scene, line: AbstractLine) -> Array | None:
     return sum(found[1:], found[0]) if found else None
 
 
+def _of_first(scene: Scene, line: AbstractLine) -> AbstractLine:
+    """The line as that of the first shaft, whichever is observed."""
+    return line_of(line, scene.name) if scene.shafts else line
+
+
 def on_first(scene: Scene, effect: AbstractEffect) -> bool:
     """Whether an effect sits on the first shaft of a scene, or on none."""
     return effect.shaft in (None, scene.name)
@@ -88,7 +93,7 @@ def unbalances(scene: Scene, line: AbstractLine, blocks: Blocks) -> tuple[list[A
     Lanes of other eccentricities share what is computed of the columns.
     """
     loads = [one for one in scene.of(AbstractLoad) if on_first(scene, one)]
-    line = line_of(line, scene.name) if scene.shafts else line
+    line = _of_first(scene, line)
     alone = [one for one in loads if type(one).load is AbstractUnbalance.load]
     columns, amounts = [line.column(one.at) for one in alone], [one.amount for one in alone]
     others = [one for one in loads if type(one).load is not AbstractUnbalance.load]
@@ -131,8 +136,7 @@ def _linear_parts(scene: Scene, line: AbstractLine) -> Parts:
         return found.of_shaft(own.ratio, own.speed)
 
     effects = _of_groups(scene, scene.of(AbstractLinear), blocks)
-    own = line_of(line, scene.name) if scene.shafts else line
-    return {("the shaft",): scene.shaft.blocks(own)} | effects
+    return {("the shaft",): scene.shaft.blocks(_of_first(scene, line))} | effects
 
 
 class OverSpeed(eqx.Module):

@@ -1,7 +1,7 @@
 """Elastic line of shafts with further coordinates beside it: casings, and those of other effects."""
 
 import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Any
 
 import equinox as eqx
@@ -90,17 +90,6 @@ def shafts_of(line: AbstractLine) -> tuple[str, ...]:
 def row_of(line: AbstractLine, place: Scalar | str) -> Float[Array, " n"]:
     """Displacement as a linear form, at a station [m] or of a casing or another coordinate by its name."""
     return line.row(place) if not isinstance(place, str) else _cased(line).beside(place)
-
-
-def rows_at(
-    line: AbstractLine, stations: Float[Array, " s"], shafts: Sequence[str | None]
-) -> Float[Array, "s n"]:
-    """Displacements at stations, each of the shaft of a name, as linear forms; None: of the only one."""
-    if not any(shafts):
-        return jax.vmap(line.row)(stations)
-    return jnp.stack(
-        [line_of(line, name).row(at) for at, name in zip(stations, shafts, strict=True)]
-    )
 
 
 def column_of(line: AbstractLine, place: Scalar | str) -> Float[Array, " r"]:

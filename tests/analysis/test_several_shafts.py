@@ -3,7 +3,7 @@
 import jax
 import numpy as np
 import pytest
-from shafts_of_tests import dual_rotor, toy
+from shafts_of_tests import CRITICAL, ROOTS, dual_rotor, toy
 
 import jaxrotor as jr
 
@@ -12,39 +12,6 @@ def but_first_slow(cases, first=1):
     """The cases, all but the first ones marked slow."""
     slow = [pytest.param(*case, marks=pytest.mark.slow) for case in list(cases)[first:]]
     return [*list(cases)[:first], *slow]
-
-
-ROOTS = {
-    (1.3, False): [
-        -0.0906192037 - 74.73935647j,
-        -0.1738504283 + 94.08310500j,
-        -2.207495491 - 241.5020715j,
-        -2.410639110 + 248.7345076j,
-        -13.85501487 - 404.7975224j,
-        -11.54582510 + 419.1905027j,
-    ],
-    (1.0, False): [
-        -0.0915749981 - 76.12769787j,
-        -0.1668950903 + 92.66232102j,
-        -2.236085791 - 242.1433195j,
-        -2.375250977 + 248.2936731j,
-        -13.41503040 - 406.5416945j,
-        -11.69536471 + 418.4025618j,
-    ],
-    (-1.2, False): [
-        -0.1356484841 + 81.69535298j,
-        -0.1115910199 - 86.11654500j,
-        -2.136954727 + 244.4150048j,
-        -2.482017153 - 246.0800375j,
-        -13.89406179 + 408.8868369j,
-        -11.66576427 - 414.3941339j,
-    ],
-    (1.3, True): [
-        -0.1758185987 + 93.93854523j,
-        -2.489452896 + 246.8110867j,
-        -11.45884870 + 387.3019101j,
-    ],
-}
 
 
 @pytest.mark.parametrize(("ratio", "cased"), but_first_slow(ROOTS))
@@ -59,20 +26,6 @@ def test_a_speed_of_its_own_is_a_ratio():
     alike = [jr.roots(dual_rotor(*pair), 8) for pair in ((1.3, None), (0.0, 325.0), (1.0, 75.0))]
     np.testing.assert_allclose(alike[1], alike[0], rtol=1e-9)
     np.testing.assert_allclose(alike[2], alike[0], rtol=1e-9)
-
-
-CRITICAL = {
-    (1.3, None, "lp"): [87.77203494, 248.6158578, 421.9611807, 1588.592685],
-    (1.3, None, "hp"): [86.95535621, 247.9231164, 420.2856415, 1233.950840],
-    (1.0, None, "hp"): [87.24897811, 248.1742442, 420.8506533, 1234.798364],
-    (-1.2, None, "lp"): [83.54743011, 244.3591520, 402.7316089, 518.2743305],
-    (-1.2, None, "hp"): [-84.93598233, -245.9082553, -413.7330013, -562.654798],
-    (1.3, 100.0, "lp"): [89.74945614, 249.1807177, 422.7325272],
-    (1.3, 100.0, "hp"): [85.82131390, 247.5707972],
-    (0.0, 700.0, "lp"): [98.50169884, 250.5804988, 423.0876728],
-    (0.0, 250.0, "hp"): [740.538591],
-    (0.0, 600.0, "hp"): [-385.191244],
-}
 
 
 @pytest.mark.filterwarnings("ignore::jaxrotor.ImplausibleWarning")

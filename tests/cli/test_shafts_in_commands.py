@@ -4,37 +4,19 @@ import json
 
 import numpy as np
 import pytest
+import shafts_of_tests
 from typer.testing import CliRunner
 
 from jaxrotor.cli import app
 
 
-# Section 3 of the sheet: transfer matrices of the continuous beams to 40 digits, at 250 rad/s of lp.
-ROOTS = {
-    "dual-rotor": [
-        -0.0906192037 - 74.73935647j,
-        -0.1738504283 + 94.08310500j,
-        -2.207495491 - 241.5020715j,
-        -2.410639110 + 248.7345076j,
-        -13.85501487 - 404.7975224j,
-        -11.54582510 + 419.1905027j,
-    ],
-    "counter-rotor": [
-        -0.1356484841 + 81.69535298j,
-        -0.1115910199 - 86.11654500j,
-        -2.136954727 + 244.4150048j,
-        -2.482017153 - 246.0800375j,
-        -13.89406179 + 408.8868369j,
-        -11.66576427 - 414.3941339j,
-    ],
-}
-CRITICAL = {  # forward of the shaft, speeds of that shaft
-    ("dual-rotor", "lp"): [87.77203494, 248.6158578, 421.9611807, 1588.592685],
-    ("dual-rotor", "hp"): [86.95535621, 247.9231164, 420.2856415, 1233.950840],
-    ("counter-rotor", "lp"): [83.54743011, 244.3591520, 402.7316089, 518.2743305],
-    ("counter-rotor", "hp"): [84.93598233, 245.9082552, 413.7330013, 562.654798],
-}
 RATIOS = {"dual-rotor": 1.3, "counter-rotor": -1.2}
+ROOTS = {name: shafts_of_tests.ROOTS[ratio, False] for name, ratio in RATIOS.items()}
+CRITICAL = {
+    (name, by): np.abs(shafts_of_tests.CRITICAL[ratio, None, by])
+    for name, ratio in RATIOS.items()
+    for by in ("lp", "hp")
+}
 
 
 @pytest.fixture(autouse=True)
