@@ -52,7 +52,7 @@ def _coaxial(shaft: CoaxialShaft) -> Any:
     own = _written(shaft, f"{SHAFTS}.{shaft.name}")
     for source, keys in ((body, ("model",)), (own, KEYS), (body, body)):
         for key in (one for one in keys if one in source and one not in table):
-            table.append(key, source.item(key))
+            table.append(key, source.value.item(key))
     return table
 
 
