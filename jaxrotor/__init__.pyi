@@ -165,11 +165,13 @@ from .orbits import (
     Lyapunov as Lyapunov,
     OrbitError as OrbitError,
     PeriodicOrbit as PeriodicOrbit,
+    Torus as Torus,
     continue_ as continue_,
     continue_curve as continue_curve,
     harmonic_balance as harmonic_balance,
     lyapunov as lyapunov,
     periodic as periodic,
+    torus as torus,
 )
 from .plot.report import report as report
 from .results.dataset import dataset as dataset

@@ -8,3 +8,4 @@ from .harmonic import HarmonicOrbit as HarmonicOrbit, harmonic_balance as harmon
 from .lyapunov import Lyapunov as Lyapunov, lyapunov as lyapunov
 from .orbit import OrbitError as OrbitError, PeriodicOrbit as PeriodicOrbit
 from .periodic import periodic as periodic
+from .torus import Torus as Torus, torus as torus

@@ -12,7 +12,6 @@ import numpy as np
 import optimistix as optx
 from jaxtyping import Array, Bool, Complex, Float, Int
 
-from ..core import linalg
 from ..core.checks import check_counts
 from ..core.compiled import QUICKLY
 from ..core.plane import plane
@@ -28,7 +27,7 @@ from ..motion.rebounds import pilot_run
 from ..motion.revolutions import check_constant
 from ..motion.simulate import simulate
 from ..scene import Scene
-from .balance import Balance, truncation
+from .balance import Balance, root_of, truncation
 from .guess import start_of
 from .orbit import AbstractOrbit
 
@@ -136,7 +135,7 @@ def harmonic_balance(
         )
     check_constant(scene, "`harmonic_balance`")
     system = assemble(scene, port_groups(scene))
-    _check(system)
+    check_balanced(system)
     orders = np.arange(-harmonics, harmonics + 1)
     first = _first(scene, system, guess, orders, revolutions)
     finder = optx.Dogleg(tolerance, tolerance) if finder is None else finder
@@ -164,11 +163,11 @@ def _find(
     max_iterations: int,
 ) -> HarmonicOrbit:
     harmonics, revolutions, samples = sizes
-    balance = Balance.of(system, *sizes)
+    balance = Balance.of(system, (harmonics,), revolutions, (samples,))
     ports, iterations = balance.loaded @ balance.rows.T, jnp.zeros((), int)
     forces, residual = jnp.zeros_like(ports), jnp.zeros(())
     if system.ports:
-        x, iterations = _root(balance, ports if first is None else first, finder, max_iterations)
+        x, iterations = root_of(balance, ports if first is None else first, finder, max_iterations)
         residual = jnp.max(jnp.abs(balance.residual(x))) / jnp.max(jnp.abs(x))
         x = jnp.where(residual <= 10 * tolerance, x, jnp.nan)
         ports = balance.decode(x)
@@ -183,7 +182,7 @@ def _find(
     displacement = waves @ coefficients
     velocity = waves @ (1j * balance.frequencies[:, None] * coefficients)
     return HarmonicOrbit(
-        orders=jnp.asarray(balance.orders) / revolutions,
+        orders=jnp.asarray(balance.orders[:, 0]) / revolutions,
         coefficients=coefficients,
         ports=ports,
         forces=forces,
@@ -195,7 +194,7 @@ def _find(
         contact_force=_contact_force(system, time, waves @ q, waves @ rates),
         stations=stations,
         residual=residual,
-        truncation=truncation(balance, revolutions, row, coefficients, ports),
+        truncation=truncation(balance, row, coefficients, ports),
         iterations=iterations,
         converged=jnp.all(jnp.isfinite(q)),
         scene=scene,
@@ -207,23 +206,6 @@ def _find(
 
 _COMPILED = eqx.filter_jit(_find)
 _COMPILED_QUICKLY = eqx.filter_jit(_find, **QUICKLY)
-
-
-def _root(balance: Balance, ports: Array, finder: Any, max_iterations: int):
-    """Unknowns at the root, with their derivatives, and the number of iterations."""
-    constant = jax.lax.stop_gradient(balance)
-    root = optx.root_find(
-        lambda x, balance: balance.residual(x),
-        finder,
-        constant.encode(jax.lax.stop_gradient(ports)),
-        constant,
-        max_steps=max_iterations,
-        throw=False,
-    )
-    # A last Newton step with a constant matrix has the derivative of the root itself.
-    x = jax.lax.stop_gradient(root.value)
-    x = x - linalg.solve(jax.jacfwd(constant.residual)(x), balance.residual(x))
-    return x, root.stats["num_steps"]
 
 
 def _contact_force(
@@ -244,7 +226,7 @@ def _contact_force(
 # === checks and guesses
 
 
-def _check(system: System) -> None:
+def check_balanced(system: System) -> None:
     """Raise where a system has no harmonic balance."""
     check_moves(system)
     check_alike(system, "Harmonic balance", RUN_UP)
@@ -259,7 +241,8 @@ def _check(system: System) -> None:
         raise ValueError(
             "At zero speed a revolution has no length, so it has no harmonics; give the scene a speed."
         )
-    loads = [load for load in (system.load.unbalance, system.load.constant) if load is not None]
+    loads = [system.load.unbalance, system.load.constant, *(one.column for one in system.others)]
+    loads = [load for load in loads if load is not None]
     still = all(known(load) and not bool(jnp.any(load != 0)) for load in loads)
     if still and not system.clocks:
         raise ValueError(
