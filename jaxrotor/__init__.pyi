@@ -166,6 +166,7 @@ from .orbits import (
     OrbitError as OrbitError,
     PeriodicOrbit as PeriodicOrbit,
     Torus as Torus,
+    TorusBranch as TorusBranch,
     continue_ as continue_,
     continue_curve as continue_curve,
     harmonic_balance as harmonic_balance,

@@ -9,3 +9,4 @@ from .lyapunov import Lyapunov as Lyapunov, lyapunov as lyapunov
 from .orbit import OrbitError as OrbitError, PeriodicOrbit as PeriodicOrbit
 from .periodic import periodic as periodic
 from .torus import Torus as Torus, torus as torus
+from .torus_branch import TorusBranch as TorusBranch

@@ -93,7 +93,7 @@ class Balance(eqx.Module):
 
     @property
     def orders(self) -> Int[np.ndarray, "K d"]:
-        """Harmonics of every clock, -H to H; as indices of a transform negative ones count from its end."""
+        """Harmonics of every clock, -H to H."""
         return orders_of(self.harmonics)
 
     def coordinates(self, forces: Complex[Array, "K p"]) -> Complex[Array, "K n"]:
@@ -162,7 +162,9 @@ class Balance(eqx.Module):
         """Total force at every port [N], by the motion of the ports and the first shaft's angle [rad]."""
         clocks = self.system.clocks
         now = Now(
-            self.system.spin.speed, angle if clocks else None, time=jnp.zeros(()) if clocks else None
+            self.system.spin.speed,
+            angle if clocks else None,
+            time=jnp.zeros(()) if clocks else None,
         )
         own = of_each(self.system.ports, now, place, velocity)
         motions = zip(self.system.ports, place, velocity, own, strict=True)
@@ -186,7 +188,7 @@ class Balance(eqx.Module):
     def _indices(self, orders: Int[np.ndarray, "... d"]) -> Int[np.ndarray, "..."]:
         """Places of harmonics in a transform."""
         each = np.moveaxis(np.mod(orders, self.samples), -1, 0)
-        return np.ravel_multi_index(tuple(each), self.samples)
+        return np.asarray(np.ravel_multi_index(tuple(each), self.samples))
 
     @property
     def _places(self) -> Int[np.ndarray, " K"]:
@@ -255,7 +257,7 @@ def truncation(
         return jnp.zeros(())
     twice = tuple(2 * h for h in balance.harmonics)
     wide = Balance.of(balance.system, twice, balance.revolutions, balance.samples)
-    within = (np.abs(wide.orders) <= balance.harmonics).all(axis=1)
+    within = np.all(np.abs(wide.orders) <= balance.harmonics, axis=1)
     all_ports = jnp.zeros((len(within), ports.shape[1]), complex)
     forces = wide.forces(all_ports.at[np.flatnonzero(within)].set(ports))
     added = jnp.abs(jnp.einsum("sn,knp,kp->ks", row, wide.driven, forces))

@@ -18,6 +18,8 @@ from .corrector import Corrector, Point, StepError
 from .orbit import PeriodicOrbit
 from .predictor import Predictor
 from .problem import PhaseCondition, problem_of
+from .torus import Torus
+from .torus_branch import TorusBranch, branch_of_tori
 from .tracer import Found, Tracer, check_travel
 
 
@@ -25,7 +27,7 @@ HALVED = "it meets the branch of orbits of half the period, at their flip at"
 
 
 def continue_(
-    orbit: PeriodicOrbit,
+    orbit: PeriodicOrbit | Torus,
     path: str,
     between: Sequence[float],
     *,
@@ -38,7 +40,7 @@ def continue_(
     max_iterations: int = 8,
     locate: bool = True,
     progress: bool | None = None,
-) -> Branch:
+) -> Branch | TorusBranch:
     """The orbits near an orbit as one parameter of its scene changes, through folds, stable or not.
 
         residual(x, p) = 0   by pseudo-arclength
@@ -48,7 +50,8 @@ def continue_(
     small steps. See `Branch.doubled` for the branch that begins at a flip.
 
     Args:
-        orbit: result of `periodic`; its steps are kept, and its turn if the scene has no unbalance.
+        orbit: result of `periodic`; its steps are kept, and its turn if the scene has no unbalance. Of a
+            result of `torus` the harmonics are kept, and folds are located; it takes no `solver`.
         path: path of the parameter, such as "limiters.stiffness"; where it stands for several values
             they must be equal, and stay so.
         between: range of the parameter, in SI, which must hold the orbit's own value. A range of
@@ -65,8 +68,8 @@ def continue_(
         progress: whether to show a progress bar; by default on a terminal.
 
     Returns:
-        A `Branch`, whose `reasons` say why it ends. It is not differentiable; its orbits, computed again
-        by `periodic`, are.
+        A `Branch`, or `TorusBranch`, whose `reasons` say why it ends. It is not differentiable; its
+        orbits, computed again by `periodic` or `torus`, are.
 
     Raises:
         ValueError: if an argument is out of its range, the rotor does not rotate, the range has no scene
@@ -78,6 +81,9 @@ def continue_(
     """
     check_counts(max_points=max_points, max_iterations=max_iterations)
     check_travel(direction, step, max_step)
+    if isinstance(orbit, Torus):
+        travel = direction, step, max_step, max_points
+        return branch_of_tori(orbit, path, between, travel, tolerance, max_iterations, progress)
     problem, first = problem_of(orbit, {path: between}, solver)
     corrector = Corrector(problem, tolerance, max_iterations)
     start = _first_point(corrector, first, path)

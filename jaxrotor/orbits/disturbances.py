@@ -5,16 +5,18 @@
 Source: Strang (1968), SIAM Journal on Numerical Analysis 5, 506-517, eq. (6).
 """
 
+from typing import Any
+
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Complex, Float
+from jaxtyping import Array, Complex
 
 from ..core import linalg
 from ..core.plane import plane
 from ..core.quantities import Scalar
 from ..equations.pencil import Pencil
 from .balance import Balance
-from .lyapunov import random_disturbances, taper
+from .lyapunov import mean_and_error, random_disturbances
 
 
 def growth_along(
@@ -37,7 +39,7 @@ def growth_along(
     columns = jnp.stack([port.column for port in balance.system.ports] or [jnp.zeros(n)], axis=1)
     pushed = linalg.solve(pencil.inertia, columns + 0j)  # velocity by impulses
 
-    def step(state: Complex[Array, "2 n"], number: Array) -> tuple[Array, None]:
+    def step(state: Complex[Array, " m"], number: Array) -> tuple[Array, None]:
         state = half @ state
         if balance.system.ports:
             impulse = _impulse(balance, ports, pushed, state, h * (number + 0.5), h)
@@ -51,21 +53,17 @@ def growth_along(
 
     begin = random_disturbances(4 * n, 1, 0)[:, 0]
     begin = jax.lax.complex(begin[: 2 * n], begin[2 * n :])
-    _, growth = jax.lax.scan(revolution, begin, jnp.arange(-(revolutions // 2), revolutions))
-    growth = growth[revolutions // 2 :] * speed / (2 * jnp.pi)
-    blocks = growth[: revolutions - revolutions % 10].reshape(10, -1) if revolutions >= 20 else None
-    mean = jnp.asarray(taper(revolutions)) @ growth
-    if blocks is None:
-        return mean, jnp.asarray(jnp.nan)
-    each = blocks @ jnp.asarray(taper(revolutions // 10))
-    return mean, jnp.std(each, ddof=1) / 10**0.5
+    growth: Any = jax.lax.scan(revolution, begin, jnp.arange(-(revolutions // 2), revolutions))[1]
+    growth = growth[revolutions // 2 :, None] * speed / (2 * jnp.pi)
+    (mean,), (error,) = mean_and_error(growth)
+    return mean, error
 
 
 def _impulse(
     balance: Balance,
     ports: Complex[Array, "K p"],
     pushed: Complex[Array, "n p"],
-    state: Complex[Array, "2 n"],
+    state: Complex[Array, " m"],
     time: Scalar,
     h: Scalar,
 ) -> Complex[Array, " p"]:

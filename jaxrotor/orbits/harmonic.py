@@ -12,12 +12,12 @@ import numpy as np
 import optimistix as optx
 from jaxtyping import Array, Bool, Complex, Float, Int
 
+from ..analysis.observed import Places
 from ..core.checks import check_counts
 from ..core.compiled import QUICKLY
 from ..core.plane import plane
 from ..core.quantities import Scalar, known
 from ..effects.law import Now
-from ..effects.layout import check_one_shaft
 from ..equations.pencil import check_alike, check_moves
 from ..equations.start import Continued
 from ..equations.stationary_frame import RUN_UP, check_no_balls
@@ -118,7 +118,6 @@ def harmonic_balance(
     Source: Cameron, Griffin (1989), Journal of Applied Mechanics 56, 149-154; Krack, Gross (2019),
     Harmonic Balance for Nonlinear Vibration Problems, chapter 2.
     """
-    check_one_shaft(scene.shafts, "`harmonic_balance`")
     check_counts(harmonics=harmonics, revolutions=revolutions, max_iterations=max_iterations)
     if harmonics < revolutions:
         raise ValueError(
@@ -136,13 +135,20 @@ def harmonic_balance(
     check_constant(scene, "`harmonic_balance`")
     system = assemble(scene, port_groups(scene))
     check_balanced(system)
+    if system.others:
+        raise ValueError(
+            "Unbalance of several shafts has no common period; take `jaxrotor.torus`, which has the "
+            "angles of all of them."
+        )
     orders = np.arange(-harmonics, harmonics + 1)
     first = _first(scene, system, guess, orders, revolutions)
     finder = optx.Dogleg(tolerance, tolerance) if finder is None else finder
     sizes = harmonics, revolutions, samples
     traced = not all(map(known, jax.tree.leaves((system, first))))
     find = _COMPILED if traced else _COMPILED_QUICKLY
-    found = find(scene, system, scene.stations(at), first, sizes, finder, tolerance, max_iterations)
+    found = find(
+        scene, system, Places.of(scene, at), first, sizes, finder, tolerance, max_iterations
+    )
     if throw and known(found.converged) and not bool(found.converged):
         raise RuntimeError(
             f"No orbit was found near the guess: after {int(found.iterations)} iterations the residual "
@@ -155,7 +161,7 @@ def harmonic_balance(
 def _find(
     scene: Scene,
     system: System,
-    stations: Float[Array, " s"],
+    places: Places,
     first: Complex[Array, "K p"] | None,
     sizes: tuple[int, int, int],
     finder: Any,
@@ -174,7 +180,7 @@ def _find(
         forces = balance.forces(ports)
     q = balance.coordinates(forces)
     rates = 1j * balance.frequencies[:, None] * q
-    row = jax.vmap(system.line.row)(stations)
+    row = places.rows(system.line)
     coefficients = q @ row.T
     period = 2 * jnp.pi * revolutions / jnp.abs(system.spin.speed)
     time = jnp.linspace(0.0, period, samples + 1)
@@ -192,7 +198,7 @@ def _find(
         displacement=displacement,
         velocity=velocity,
         contact_force=_contact_force(system, time, waves @ q, waves @ rates),
-        stations=stations,
+        stations=places.stations,
         residual=residual,
         truncation=truncation(balance, row, coefficients, ports),
         iterations=iterations,

@@ -204,7 +204,9 @@ def advance_disturbed(
     return y, disturbances, jnp.log(jnp.abs(jnp.diagonal(triangle))), outcome
 
 
-def mean_and_error(growth: Float[np.ndarray, "R e"]) -> tuple[np.ndarray, np.ndarray]:
+def mean_and_error(
+    growth: Float[Array | np.ndarray, "R e"],
+) -> tuple[Float[Array | np.ndarray, " e"], Float[Array | np.ndarray, " e"]]:
     """Mean over revolutions, and its standard error by the means of blocks.
 
     The weight rises and falls smoothly over the first and the last quarter, so that what oscillates with
@@ -212,7 +214,7 @@ def mean_and_error(growth: Float[np.ndarray, "R e"]) -> tuple[np.ndarray, np.nda
     """
     length = len(growth) // BLOCKS
     blocks = growth[len(growth) - BLOCKS * length :].reshape(BLOCKS, length, -1)
-    means = np.einsum("t,bte->be", taper(length), blocks)
+    means = (taper(length)[:, None] * blocks).sum(axis=1)
     return taper(len(growth)) @ growth, means.std(axis=0, ddof=1) / BLOCKS**0.5
 
 

@@ -6,7 +6,7 @@ from typing import Any
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, ArrayLike
+from jaxtyping import Array, ArrayLike, Float
 
 from ..core.quantities import Scalar
 from ..equations.speed_tables import check_tables
@@ -41,6 +41,27 @@ class ParameterRange(eqx.Module):
         """`dp/ds` at a value."""
         low, high = float(self.low), float(self.high)
         return value * math.log(high / low) if self.decades else high - low
+
+
+class AbstractRanged(eqx.Module):
+    """A problem with parameters, whose places are its last unknowns."""
+
+    parameters: eqx.AbstractVar[tuple[ParameterRange, ...]]
+
+    def values(self, u: Array | np.ndarray) -> tuple[Array, ...]:
+        """Values of the parameters at unknowns `u = (x, s)`."""
+        places = u[-len(self.parameters) :]
+        return tuple(one.value(s) for one, s in zip(self.parameters, places, strict=True))
+
+    def rates(self, u: Float[np.ndarray, " b"]) -> tuple[float, ...]:
+        """`dp/ds` of every parameter."""
+        pairs = zip(self.parameters, self.values(u), strict=True)
+        return tuple(one.rate(float(value)) for one, value in pairs)
+
+    def at(self, u: Float[np.ndarray, " b"]) -> str:
+        """The values of the parameters, for a message."""
+        named = zip(self.parameters, self.values(u), strict=True)
+        return ", ".join(f"{one.path} = {float(value):.9g}" for one, value in named)
 
 
 def range_of(scene: Scene, path: str, between: Any, name: str) -> ParameterRange:

@@ -30,7 +30,7 @@ from ..solvers.choice import choose, solver_name
 from ..solvers.exponential import Exponential
 from .memory import named_samples, start_on, steps_for_states
 from .orbit import PeriodicOrbit, winding_angle
-from .parameter_range import ParameterRange, own, range_of
+from .parameter_range import AbstractRanged, ParameterRange, own, range_of
 from .passes import check_ranges, cycle_rate, with_cycle
 from .shooting import (
     OrbitSamples,
@@ -68,7 +68,7 @@ class Evaluation(NamedTuple):
     outcome: Outcome
 
 
-class ContinuationProblem(eqx.Module):
+class ContinuationProblem(AbstractRanged):
     """`residual(x, s) = 0` for a scene, `p` of its parameters, and what counts as a period."""
 
     scene: Scene
@@ -83,21 +83,6 @@ class ContinuationProblem(eqx.Module):
     images: int = eqx.field(static=True)  # periods after which the motion closes
     # Whether `revolutions` are passes, see `Cycle`:
     passes: bool = eqx.field(static=True, default=False)
-
-    def values(self, u: Array | np.ndarray) -> tuple[Array, ...]:
-        """Values of the parameters at unknowns `u = (x, s)`."""
-        places = u[-len(self.parameters) :]
-        return tuple(one.value(s) for one, s in zip(self.parameters, places, strict=True))
-
-    def rates(self, u: Float[np.ndarray, " b"]) -> tuple[float, ...]:
-        """`dp/ds` of every parameter."""
-        pairs = zip(self.parameters, self.values(u), strict=True)
-        return tuple(one.rate(float(value)) for one, value in pairs)
-
-    def at(self, u: Float[np.ndarray, " b"]) -> str:
-        """The values of the parameters, for a message."""
-        named = zip(self.parameters, self.values(u), strict=True)
-        return ", ".join(f"{one.path} = {float(value):.9g}" for one, value in named)
 
     def system(self, s: Float[Array, " p"]) -> System:
         """The equations of motion at places `s`."""

@@ -28,6 +28,7 @@ from ..scene import Scene
 from .balance import Balance, orders_of, root_of, truncation
 from .disturbances import growth_along
 from .harmonic import check_balanced
+from .lyapunov import BLOCKS
 
 
 SAMPLES = 8  # of an angle for every harmonic, by default
@@ -48,7 +49,9 @@ class Torus(eqx.Module):
     ports: Complex[Array, "K p"]  # displacements where contacts act [m]
     forces: Complex[Array, "K p"]  # total of the contacts there, on the shaft [N]
     start: Continued  # state at angles 0
-    displacement: Complex[Array, "N s"]  # x + i y over all angles, those of the last shaft first [m]
+    displacement: Complex[
+        Array, "N s"
+    ]  # x + i y over all angles, those of the last shaft first [m]
     speeds: Float[Array, " d"]  # of the shafts [rad/s]
     stations: Float[Array, " s"]  # [m]
     residual: Scalar  # largest of any harmonic, over the largest of the ports [1]
@@ -59,13 +62,14 @@ class Torus(eqx.Module):
     converged: Bool[Array, ""]
     scene: Scene
     shafts: tuple[str, ...] = eqx.field(static=True)  # whose angles these are
+    observed: tuple[str, ...] = eqx.field(static=True)  # shaft of every station
     harmonics: tuple[int, ...] = eqx.field(static=True)  # H of every angle
     samples: tuple[int, ...] = eqx.field(static=True)  # of every angle
 
     @property
     def stable(self) -> Bool[Array, ""]:
         """Whether small disturbances die out."""
-        return self.exponent < 0
+        return jnp.less(self.exponent, 0)
 
     @property
     def radius(self) -> tuple[Float[Array, " s"], Float[Array, " s"]]:
@@ -99,7 +103,7 @@ class Torus(eqx.Module):
 
 def torus(
     scene: Scene,
-    guess: "Torus | TimeHistory | None" = None,
+    guess: Any = None,
     *,
     harmonics: int | tuple[int, ...] = 7,
     samples: int | tuple[int, ...] | None = None,
@@ -151,6 +155,11 @@ def torus(
     """
     check_counts(max_iterations=max_iterations, steps_per_revolution=steps_per_revolution)
     check_counts(0, revolutions=revolutions)
+    if 0 < revolutions < 2 * BLOCKS:
+        raise ValueError(
+            f"`revolutions` must be at least {2 * BLOCKS} to estimate an error, or 0 for no exponent, but "
+            f"is {revolutions}."
+        )
     check_constant(scene, "`torus`")
     system = assemble(scene, port_groups(scene))
     check_balanced(system)
@@ -176,14 +185,31 @@ def torus(
             f"`harmonics` = {harmonics} of {len(system.ports)} ports are {unknowns} unknowns, more than "
             f"the {2 * UNITS} that one matrix holds; take fewer harmonics."
         )
-    first = _first(system, guess, harmonics)
     finder = optx.Dogleg(tolerance, tolerance) if finder is None else finder
+    settings = finder, tolerance, max_iterations
+    first = _first(system, guess, harmonics)
+    sizes, along = (harmonics, samples), (revolutions, steps_per_revolution)
+    return torus_near(scene, Places.of(scene, at), first, sizes, settings, along, throw)
+
+
+def torus_near(
+    scene: Scene,
+    places: Places,
+    first: Complex[Array, "K p"] | None,
+    sizes: tuple[tuple[int, ...], tuple[int, ...]],
+    settings: tuple[Any, float, int],
+    along: tuple[int, int],
+    throw: bool,
+) -> Torus:
+    """The torus near harmonics of the ports, see `torus`.
+
+    `sizes` are harmonics and samples of each angle, `settings` the finder, its tolerance and most
+    iterations, `along` revolutions and steps of disturbances.
+    """
+    system = assemble(scene, port_groups(scene))
     traced = not all(map(known, jax.tree.leaves((system, first))))
     find = _COMPILED if traced else _COMPILED_QUICKLY
-    settings = finder, tolerance, max_iterations
-    along = revolutions, steps_per_revolution
-    places = Places.of(scene, at)
-    found = find(scene, system, places, first, (harmonics, samples), settings, along)
+    found = find(scene, system, places, first, sizes, settings, along)
     if throw and known(found.converged) and not bool(found.converged):
         raise RuntimeError(
             f"No torus was found near the guess: after {int(found.iterations)} iterations the residual "
@@ -235,6 +261,7 @@ def _find(
         converged=jnp.all(jnp.isfinite(q)),
         scene=scene,
         shafts=(str(scene.name), *(other.name for other in system.others)),
+        observed=tuple(map(str, places.shafts)),
         harmonics=harmonics,
         samples=samples,
     )
@@ -256,9 +283,7 @@ def _of_each(given: Any, count: int, name: str) -> tuple[int, ...]:
     return each
 
 
-def _first(
-    system: System, guess: Any, harmonics: tuple[int, ...]
-) -> Complex[Array, "K p"] | None:
+def _first(system: System, guess: Any, harmonics: tuple[int, ...]) -> Complex[Array, "K p"] | None:
     """Harmonics of the ports in a guess, or None."""
     if guess is None or not system.ports:
         return None
@@ -269,7 +294,7 @@ def _first(
                 f"The guess has {len(guess.harmonics)} angles and {guess.ports.shape[1]} ports, which "
                 f"does not fit {len(harmonics)} and {len(system.ports)}."
             )
-        inside = (np.abs(orders) <= guess.harmonics).all(axis=1)
+        inside = np.all(np.abs(orders) <= guess.harmonics, axis=1)
         place = np.mod(orders + guess.harmonics, np.array(guess.harmonics) * 2 + 1).T
         place = np.ravel_multi_index(tuple(place), tuple(2 * h + 1 for h in guess.harmonics))
         return jnp.where(inside[:, None], guess.ports[place], 0.0)

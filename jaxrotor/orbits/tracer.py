@@ -6,8 +6,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .corrector import StepError
+from .parameter_range import AbstractRanged
 from .predictor import LEAST, SHARP, Predictor
-from .problem import ContinuationProblem
 
 
 END = 1e-12  # of the range: a point nearer to an end is at it
@@ -35,7 +35,7 @@ class HalfBranch(NamedTuple):
 class Tracer(NamedTuple):
     """Follows a branch point by point and looks for special points on the way."""
 
-    problem: ContinuationProblem
+    problem: AbstractRanged
     predictor: Predictor
     step: float
     max_points: int
