@@ -91,9 +91,13 @@ class Torus(eqx.Module):
     def __str__(self) -> str:
         speeds = zip(self.shafts, self.speeds.tolist(), strict=True)
         at = " and ".join(f"{name} at {speed:.6g}" for name, speed in speeds)
+        stability = "not looked at for stability"
+        if not math.isnan(float(self.exponent)):
+            kind = "stable" if self.stable else "unstable"
+            exponent, error = float(self.exponent), float(self.exponent_error)
+            stability = f"{kind}: disturbances grow by {exponent:.4g} +- {error:.1g} 1/s"
         return (
-            f"Torus of {at} rad/s, {'stable' if self.stable else 'unstable'}: disturbances grow by "
-            f"{float(self.exponent):.4g} +- {float(self.exponent_error):.1g} 1/s; "
+            f"Torus of {at} rad/s, {stability}; "
             f"{' x '.join(map(str, self.harmonics))} harmonics and "
             f"{' x '.join(map(str, self.samples))} samples: as many more would add "
             f"{float(self.truncation):.1e} of the largest; residual {float(self.residual):.1e} after "

@@ -22,6 +22,7 @@ from .orbit import (
     orbit as orbit,
     orbits as orbits,
     periodic as periodic,
+    torus as torus,
 )
 from .page import write as write
 from .reactions import (

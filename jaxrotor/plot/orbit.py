@@ -19,6 +19,7 @@ from .record import once_per_revolution, signal, station_of
 from .units import length_unit
 
 
+_TURNS = 30  # of the first shaft, drawn of a torus
 _IMAGES = 360  # largest number of rotated periods drawn
 _WRITERS: dict[str, Any] = {".gif": PillowWriter, ".mp4": FFMpegWriter}
 _DPI = 100  # of films
@@ -111,6 +112,40 @@ def periodic(result: Any, axes: Any = None, *, station: int = 0) -> tuple[Axes, 
     page.finish(left, columns=2)
     page.finish(right, "Re multiplier [1]", "Im multiplier [1]", columns=2, scene=result.scene)
     return left, right
+
+
+def torus(result: Any, ax: Axes | None = None, *, station: int = 0) -> Axes:
+    """Path of a motion of two speeds, and the closed curves on which it is once a turn of each shaft.
+
+    Args:
+        result: `jaxrotor.Torus` of two shafts.
+        ax: Axes to draw in; a new figure if None.
+        station: index of the station of the result.
+
+    Returns:
+        The Axes, x and y.
+
+    Raises:
+        ValueError: the torus has the angles of more than two shafts.
+    """
+    if len(result.samples) != 2:
+        raise ValueError(
+            f"This plot is of two angles, but the torus has {len(result.samples)} "
+            f"({', '.join(result.shafts)})."
+        )
+    ax = page.single(ax, 85, 85)
+    surface = signal(result, "displacement", station).reshape(result.samples)
+    factor, unit = labels.length(surface)
+    turn = 2 * np.pi / abs(float(result.speeds[0]))
+    times = np.linspace(0.0, _TURNS * turn, _TURNS * 128)
+    path = factor * np.asarray(result.at(times))[:, station]
+    page.path(ax, path, colours.GREY, f"{_TURNS} turns of {result.shafts[0]}", width=0.4)
+    for number, colour in enumerate((colours.BLUE, colours.ORANGE)):
+        curve = factor * np.take(surface, 0, axis=number)
+        name = f"{result.shafts[number]} at angle 0"
+        page.path(ax, np.append(curve, curve[0]), colour, name, width=1.4)
+    _draw_surroundings(ax, result, station, path, factor, unit)
+    return page.finish(ax, columns=2, scene=result.scene)
 
 
 def animate(
