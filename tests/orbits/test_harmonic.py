@@ -11,6 +11,7 @@ import pytest
 from differences import central
 from scipy.integrate import solve_ivp
 from shown import shown
+from soft_stop import soft_force
 from systems import LENGTH, limiter_rotor
 
 import jaxrotor as jr
@@ -43,34 +44,13 @@ def one_stop(speed, **stop):
     )
 
 
-def onset(u):
-    return u**3 * (6 - 8 * u + 3 * u**2)
-
-
-def force(z, v, speed):
-    """The force of the stop by its law, for plain numbers."""
-    turned = np.exp(-1j * STOP["angle"])
-    depth, rate = (z * turned).real - STOP["gap"], (v * turned).real
-    if depth <= 0:
-        return 0.0
-    blend, stiffness = STOP["blend"], STOP["stiffness"]
-    u = min(depth / blend, 1.0)
-    elastic = stiffness * (depth + blend * (onset(u) - u))
-    push = max(elastic + STOP["damping"] * rate * u**3 * (10 - 15 * u + 6 * u**2), 0.0)
-    w = min(push / (stiffness * blend), 1.0)
-    normal = push + stiffness * blend * (onset(w) - w)
-    slip = np.clip((speed * STOP["rim_radius"] + (v * turned).imag) / STOP["slip"], -1, 1)
-    direction = slip * (15 - 10 * slip**2 + 3 * slip**4) / 8
-    return -normal * (1 + 1j * STOP["friction"] * direction) / turned
-
-
 def integrated(orbit, speed):
     """Displacement and velocity by scipy from the start of an orbit, at its times."""
 
     def field(t, y):
         z, v = y[0] + 1j * y[1], y[2] + 1j * y[3]
         drive = MASS * ECCENTRICITY * speed**2 * np.exp(1j * speed * t)
-        a = (drive - STIFFNESS * z - DAMPING * v + force(z, v, speed)) / MASS
+        a = (drive - STIFFNESS * z - DAMPING * v + soft_force(z, v, speed, STOP)) / MASS
         return [v.real, v.imag, a.real, a.imag]
 
     z, v = complex(orbit.start.q[0]), complex(orbit.start.velocity[0])
@@ -126,7 +106,7 @@ def test_subharmonic_motion_is_that_of_scipy(halved):
     assert apart(orbit, path) < 1e-7
     scale = np.abs(velocity).max()
     np.testing.assert_allclose(orbit.velocity[:, 0], velocity, rtol=0, atol=1e-5 * scale)
-    forces = [force(z, v, HALVED) for z, v in zip(path, velocity, strict=True)]
+    forces = [soft_force(z, v, HALVED, STOP) for z, v in zip(path, velocity, strict=True)]
     np.testing.assert_allclose(
         orbit.contact_force[:, 0], forces, rtol=0, atol=1e-5 * np.abs(forces).max()
     )

@@ -8,6 +8,7 @@ import pytest
 from differences import central
 from scipy.integrate import solve_ivp
 from shafts_of_tests import toy
+from soft_stop import soft_force
 
 import jaxrotor as jr
 
@@ -23,8 +24,23 @@ def hardening(stiffness=1.0, ratio=RATIO):
     return toy(ratio, None, ground, jr.CubicSpring(("lp", 1.0), 0.0, stiffness, on="hp"))
 
 
-def field(t, y, stiffness=1.0, first=1.4, ratio=RATIO):
-    """Equations of the hardening toy, written here."""
+STOPS = [
+    {
+        "angle": np.pi / 3 + 2 * np.pi * j / 3,
+        "gap": 0.02,
+        "stiffness": 0.6,
+        "damping": 0.05,
+        "friction": 0.05,
+        "rim_radius": 1.0,
+        "blend": 0.8,
+        "slip": 4.0,
+    }
+    for j in range(3)
+]
+
+
+def field(t, y, stiffness=1.0, first=1.4, ratio=RATIO, stops=()):
+    """Equations of the hardening toy, or with stops around the second shaft, written here."""
     across = np.array([[1.0, -1.0], [-1.0, 1.0]])
     speeds, d = np.diag([first, ratio * first]), np.diag([0.01, 0.02])
     damping = np.diag([0.04, 0.03]) + d + 0.02 * across - 1j * speeds @ np.diag([0.2, 0.18])
@@ -34,6 +50,7 @@ def field(t, y, stiffness=1.0, first=1.4, ratio=RATIO):
     load = np.array([0.05, 0.03]) * np.diag(speeds) ** 2 * phases
     spring = stiffness * (q[0] - q[1]).real ** 3
     force = load + np.array([-1j * stiffness * q[0].imag ** 3 - spring, spring])
+    force[1] += sum(soft_force(q[1], v[1], ratio * first, stop) for stop in stops)
     return np.concatenate([v, (force - damping @ v - elastic @ q) / np.array([1.0, 0.6])])
 
 
@@ -82,6 +99,18 @@ def test_more_harmonics_come_near_to_scipy(found):
     times = np.linspace(0.0, 100.0, 201)
     assert np.abs(integrated(fine.start, times) - fine.at(times)).max() < 1e-7
     assert np.isnan(fine.exponent) and fine.iterations < 8
+
+
+@pytest.mark.slow  # another scene, with more harmonics
+def test_a_torus_through_contact_is_that_of_scipy():
+    """Three stops with friction around the second shaft, which it presses on one by one."""
+    scene = toy(RATIO, None, *(jr.Limiter(("hp", 1.0), **stop) for stop in STOPS))
+    found = jr.torus(scene, harmonics=12, samples=64, at=AT, revolutions=0)
+    times = np.linspace(0.0, 100.0, 201)
+    path = integrated(found.start, times, stiffness=0.0, stops=STOPS)
+    assert np.abs(path - found.at(times)).max() < 1e-6
+    turned = [(path[:, 1] * np.exp(-1j * stop["angle"])).real - stop["gap"] for stop in STOPS]
+    assert all(depth.max() > 0.3 and depth.min() < 0 for depth in turned)
 
 
 @pytest.mark.slow  # a derivative is another program
