@@ -140,7 +140,7 @@ def torus(result: Any, ax: Axes | None = None, *, station: int = 0) -> Axes:
     times = np.linspace(0.0, _TURNS * turn, _TURNS * 128)
     path = factor * np.asarray(result.at(times))[:, station]
     page.path(ax, path, colours.GREY, f"{_TURNS} turns of {result.shafts[0]}", width=0.4)
-    for number, colour in enumerate((colours.BLUE, colours.ORANGE)):
+    for number, colour in enumerate((colours.BLUE, colours.MAGENTA)):
         curve = factor * np.take(surface, 0, axis=number)
         name = f"{result.shafts[number]} at angle 0"
         page.path(ax, np.append(curve, curve[0]), colour, name, width=1.4)

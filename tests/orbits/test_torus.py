@@ -3,6 +3,7 @@
 import functools
 
 import jax
+import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 from differences import central
@@ -11,6 +12,7 @@ from shafts_of_tests import toy
 from soft_stop import soft_force
 
 import jaxrotor as jr
+from jaxrotor import plot
 
 
 RATIO = float(np.sqrt(2))  # of speeds that have no common period
@@ -93,6 +95,17 @@ def test_the_motion_is_that_of_scipy(found):
     assert float(found.exponent) == pytest.approx(-0.0265, abs=5e-4)
 
 
+def test_a_picture_has_the_path_and_both_sections(found):
+    ax = plot.torus(found, station=1)
+    drawn = {line.get_label(): line.get_xydata() for line in ax.lines}
+    start = np.array([found.start.q[1].real, found.start.q[1].imag]) * 1e3
+    for name in ("lp at angle 0", "hp at angle 0"):
+        off = np.hypot(*(drawn[name] - start).T)
+        assert off[0] < 1e-6 * off.max() and off[-1] == off[0]
+    assert "not looked at" not in str(found) and "stable: disturbances grow" in str(found)
+    plt.close(ax.figure)
+
+
 @pytest.mark.slow  # more harmonics are another program
 def test_more_harmonics_come_near_to_scipy(found):
     fine = jr.torus(hardening(), found, harmonics=9, at=AT, revolutions=0)
@@ -152,6 +165,9 @@ def branch(found):
 def test_tori_end_where_a_branch_folds(branch):
     """Just beyond the fold no torus is near, so a motion of scipy goes away; before it, it stays."""
     assert [point.kind for point in branch.points] == ["fold", "fold"]
+    ax = plot.branch(branch, station=1)
+    assert {"fold", "stable", "unstable"} <= {line.get_label() for line in ax.lines}
+    plt.close(ax.figure)
     upper, lower = (point.value for point in branch.points)
     assert lower < 1.52 < 1.8 < upper
     last = np.flatnonzero(
