@@ -166,13 +166,13 @@ class Scene(eqx.Module):
         """Stations [m] as of `stations`, and the name of the shaft of each; None: there is only one."""
         return seen_stations(self.placed(), self.shafts, self.effects, at)
 
-    def to_simulate(self, at: Any = None) -> tuple["Scene", Float[Array, " s"]]:
-        """The scene as motions in time take it, and the stations that these observe [m], of one shaft."""
+    def to_simulate(self, at: Any = None, *, in_time: bool = True) -> tuple["Scene", Array]:
+        """The scene as motions along times, or by revolutions, take it; stations on one shaft [m]."""
         stations, shafts = self.seen(at)
         if not self.shafts:
             return self, stations
         check_simulated(shafts, given=self.spin.given)
-        return with_values(self, observed=shafts[0], in_time=True), stations
+        return with_values(self, observed=shafts[0], in_time=in_time), stations
 
     def at_speed(self, speed: ArrayLike) -> "Scene":
         """Scene with a constant speed [rad/s] in place of its spin."""

@@ -53,10 +53,11 @@ class Clock(eqx.Module):
         angle, acceleration = now.angle, now.acceleration
         if angle is not None:
             angle = self.ratio * angle
-            if self.excess is not None:
-                assert now.time is not None, "laws that count turns are stepped along times"
-                angle = angle + self.excess * now.time
-            if self.phase is not None:
+            if (
+                self.excess is not None
+            ):  # by revolutions, where no time is known, no law asks for it
+                angle = None if now.time is None else angle + self.excess * now.time
+            if angle is not None and self.phase is not None:
                 angle = angle + self.phase
         if acceleration is not None:
             acceleration = self.ratio * acceleration

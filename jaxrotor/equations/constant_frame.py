@@ -18,6 +18,7 @@ from ..core.blocks import Load
 from ..core.compiled import compiled_quickly
 from ..core.quantities import Scalar
 from ..effects.law import Now
+from .clocks import Clocks
 from .massless_coordinates import Condensed, Massless
 from .pencil import Pencil, check_axes, frame, isotropic, steady_response
 from .stationary_frame import Motion
@@ -83,6 +84,7 @@ class ConstantFrame(eqx.Module):
     rate: Scalar  # [rad/s]
     turn: Scalar | None  # s: the axes turn by s theta; None: they are fixed
     condensed: Condensed | None = None  # where there are coordinates without mass
+    clocks: Clocks | None = None  # of the other shafts, which add to the steady response
 
     @classmethod
     def of(cls, system: System, rate: Scalar) -> "ConstantFrame":
@@ -113,7 +115,14 @@ class ConstantFrame(eqx.Module):
                 rest = jnp.where(speed == 0, cos, 0.0)
                 still, cos = rest if still is None else still + rest, cos - rest
         turn = speed / rate if turns else None
-        return cls(matrix, drive, still, cos, sin, rate, turn, condensed)
+
+        def respond(rho: Scalar, force: Array) -> tuple[Array, Array]:
+            amplitude = pencil.response(rate * rho, jnp.concatenate([force, -1j * force]))
+            state = jnp.concatenate([amplitude, 1j * rho * amplitude])
+            return state.real, -state.imag
+
+        clocks = Clocks.of(system, rate, respond, 0.0 if turn is None else turn)
+        return cls(matrix, drive, still, cos, sin, rate, turn, condensed, clocks)
 
     @property
     def steady(self) -> Float[Array, " n4"]:
@@ -178,7 +187,7 @@ def linear_matrix(system: System, rate: Scalar) -> Inexact[Array, "m m"]:
     system = dataclasses.replace(in_constant_axes(system), races=())
     if isotropic(system.blocks) and system.massless is None:
         return Motion(dataclasses.replace(system, ports=()), rate, loads=False).matrix()
-    unloaded = eqx.tree_at(lambda s: s.load, system, Load())
+    unloaded = dataclasses.replace(system, load=Load(), others=())
     return ConstantFrame.of(unloaded, rate).matrix
 
 

@@ -175,7 +175,8 @@ class Motion(eqx.Module):
         # shaft, by the factor `s`.
         if not any(law.clock for port in self.ports for law in port.laws):
             return Now(self.speed, None, states)
-        return Now(self.speed, self.s * angle(jax.lax.complex(*phase())), states)
+        cos, sin, *_ = phase()
+        return Now(self.speed, self.s * angle(jax.lax.complex(cos, sin)), states)
 
     def matrix(self) -> Complex[Array, "n2 n2"]:
         """`A` of the linear part `(q, q')' = A (q, q')` of a rotor that is the same along every axis."""

@@ -49,6 +49,10 @@ def system_of_march(
         return None, "since the start is not that of a revolution"
     if chosen and system.steep:
         return None, STEEP
+    if system.others and not (named or chosen):
+        return None, "since another shaft has an unbalance of its own"
+    if system.others and frame(system.blocks) == "periodic":
+        return None, "since there are several shafts, axes that turn and axes that stand"
     if chosen and not has_small_remainder(system):
         return None, "since the axes that turn and those that stand are very unequal"
     if named or chosen:

@@ -3,7 +3,6 @@
 import dataclasses
 from typing import Any, cast
 
-import diffrax as dfx
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -15,6 +14,7 @@ from ..core.outcome import Outcome
 from ..core.quantities import Scalar, known
 from ..effects.law import Now
 from ..effects.places import of_first_order
+from ..equations.clocks import since, turns_of
 from ..equations.constant_frame import in_constant_axes
 from ..equations.lent import with_lent_films
 from ..equations.pencil import check_moves
@@ -25,7 +25,6 @@ from ..equations.stationary_frame import RUN_UP, Motion, check_no_states
 from ..equations.system import System, assemble, has_massless, structure
 from ..scene import Scene
 from ..solvers.basis import Count, Dense, ModalBasis, Rotation, SlotBasis, SlotRotation
-from ..solvers.control import step_control, tuned
 from ..solvers.exponential import Exponential, revolution, revolution_of_lanes
 from ..solvers.form import AbstractForm, PhysicalForm
 from ..solvers.located import LocatedStep
@@ -34,6 +33,7 @@ from ..solvers.remainder import RemainderMap
 from ..solvers.step import Step
 from ..spins.constant import ConstantSpeed
 from .base import AbstractMarch, Plan, Window, bounded, contact_forces
+from .solved import solved_revolution
 
 
 class March(AbstractMarch):
@@ -111,14 +111,19 @@ class March(AbstractMarch):
     def begin(self, start: AbstractStart, at: Scalar) -> Array:
         """State of the form at the start."""
         q, velocity = start.state(self.system, at)
-        if not self.state_count:
-            return self.form.encode(q, velocity)
-        return self._encoded(q, velocity, states_of(start, self.system))
+        states = states_of(start, self.system) if self.state_count else None
+        turns = turns_of(start, self.system) if self.system.others else None
+        return self._encoded(q, velocity, states, turns)
 
     @property
     def state_count(self) -> int:
-        """States of laws, the last numbers of a state."""
+        """States of laws, which follow the numbers of the rotor in a state."""
         return self.system.state_count
+
+    @property
+    def beside(self) -> int:
+        """States of laws, and then turns of the other shafts with unbalance, in a state."""
+        return self.state_count + len(self.system.others)
 
     @property
     def contact_stiffness_ratio(self) -> Float[Array, "k 2"]:
@@ -133,22 +138,33 @@ class March(AbstractMarch):
     def encode(self, *parts: Array) -> Array:
         """State at a whole revolution of the parts that `decode` returns."""
         q, velocity, *others = parts
-        if not self.state_count:
-            return self.form.encode(q, velocity)
-        return self._encoded(q, velocity, others[-1] if others else self.system.begin())
+        turns = others.pop() if self.system.others else None
+        states = None
+        if self.state_count:
+            states = others[-1] if others else self.system.begin()
+        return self._encoded(q, velocity, states, turns)
 
-    def _encoded(self, q: Array, velocity: Array, states: Array) -> Array:
-        return jnp.concatenate([self.form.encode(q, velocity), states])
+    def _encoded(self, q: Array, velocity: Array, states: Any, turns: Any) -> Array:
+        form = self.form if turns is None else since(self.form, turns)
+        own = form.encode(q, velocity)
+        beside = [part for part in (states, turns) if part is not None]
+        return jnp.concatenate([own, *beside]) if beside else own
 
     def decode(self, y: Array) -> tuple[Array, ...]:
         """Coordinates [m] and velocities [m/s] of a state at a whole revolution.
 
-        Where laws have states, angles and speeds of balls follow, of which there are none, and the states.
+        Where there is more, angles and speeds of balls follow, of which there are none, states of laws,
+        and then turns of other shafts where these have an unbalance.
         """
-        if not self.state_count:
+        if not self.beside:
             return self.form.decode(y)
-        w, x = jnp.split(y, [y.size - self.state_count])
-        return *self.form.decode(w), x[:0], x[:0], x
+        w, x, turns = self._split(y)
+        moving = *since(self.form, turns).decode(w), x[:0], x[:0], x
+        return (*moving, turns) if turns.size else moving
+
+    def _split(self, y: Array) -> list[Array]:
+        """Numbers of the rotor, states of laws, and turns of other shafts."""
+        return jnp.split(y, [y.size - self.beside, y.size - len(self.system.others)])
 
     @property
     def eigenvectors(self) -> Array | np.ndarray:
@@ -158,7 +174,11 @@ class March(AbstractMarch):
 
     def skip(self, y: Array, windows: Count) -> tuple[Array, Outcome]:
         if self.step is None and isinstance(self.form, PortForm):  # linear: no steps
-            return self.form.advance_free(y, windows), Outcome.good()
+            w, clocks = y[: y.size - self.beside], self.form.clocks
+            w = self.form.advance_free(w, windows)
+            if clocks is not None:
+                w = jnp.concatenate([w, clocks.after(y[-len(clocks.rates) :], windows)])
+            return w, Outcome.good()
         return self.step_through(y, windows)
 
     def advance(self, y: Array) -> tuple[Array, Outcome]:
@@ -215,9 +235,13 @@ class March(AbstractMarch):
     def _sample_free(self, form: PortForm, y: Array):
         """One revolution of a linear scene, exact from sample to sample."""
         advance, grid = form.free_propagator(self.span / self.plan.steps), self._grid()
+        turns, clocks = y[y.size - self.beside :], form.clocks
+        y, form = y[: y.size - self.beside], since(form, turns)
         one = lambda y, theta: (advance(y), form.read(theta, y))
         y, samples = jax.lax.scan(one, y, grid[:-1])
         last = form.read(grid[-1], y)
+        if clocks is not None:
+            y = jnp.concatenate([y, clocks.after(turns)])
         done = self._outcome(y, y)
         return y, jnp.concatenate([samples, last[None]]), done
 
@@ -251,9 +275,10 @@ class March(AbstractMarch):
 
     def _step(self, y: Array, *, sample: bool) -> tuple[Array, Any, Outcome]:
         """One revolution, by plain steps, by located ones or by diffrax."""
-        if self.step is None:
-            return self._solve(y, sample=sample)
         plan, form = self.plan, self.form
+        if self.step is None:
+            y1, samples, solved = solved_revolution(form, plan, self._grid(), y, sample=sample)
+            return y1, samples, self._outcome(y, y1, solved)
         assert isinstance(form, PortForm)
         stations = form.stations if sample else None
         fused = isinstance(plan.solver, Exponential) and plan.solver.fused
@@ -266,57 +291,15 @@ class March(AbstractMarch):
             samples = samples.reshape(plan.steps + 1, 2, 2, -1)
         return y1, samples, self._outcome(y, y1, unresolved=unresolved)
 
-    def _solve(self, y: Array, *, sample: bool) -> tuple[Array, Any, Outcome]:
-        """One revolution by diffrax."""
-        plan, grid = self.plan, self._grid()
-        read = lambda theta, y, args: self.form.read(theta, y)
-        assert isinstance(plan.solver, dfx.AbstractSolver), "a linear scene is not stepped"
-        solver = tuned(plan.solver)
-        controller = plan.controller or step_control(plan.solver)
-        if controller is None:  # a fixed grid: every step is a sample
-            controller, max_steps, dt0 = dfx.StepTo(ts=grid), plan.steps, None
-            path = dfx.SubSaveAt(t0=True, steps=True, fn=read)
-        else:
-            max_steps, dt0 = plan.max_steps, grid[1]
-            path = dfx.SubSaveAt(ts=grid, fn=read)
-        terms: Any = dfx.ODETerm(self.form.field)
-        if _splits(solver):
-            motion: Any = self.form.motion
-            terms = dfx.MultiTerm(dfx.ODETerm(motion.contact), dfx.ODETerm(motion.linear))
-        end = dfx.SubSaveAt(t1=True)
-        solution = dfx.diffeqsolve(
-            terms,
-            solver,
-            t0=0.0,
-            t1=grid[-1],
-            dt0=dt0,
-            y0=y,
-            saveat=dfx.SaveAt(subs=[end, path] if sample else [end]),
-            stepsize_controller=controller,
-            adjoint=plan.adjoint,
-            max_steps=max_steps,
-            throw=False,
-        )
-        saved: Any = solution.ys
-        y1 = saved[0][-1]
-        solved = solution.result == dfx.RESULTS.successful
-        return y1, saved[1] if sample else None, self._outcome(y, y1, solved)
-
     def _outcome(self, y: Array, y1: Array, solved: Any = True, unresolved: Any = 0) -> Outcome:
         """Outcome of a revolution from `y` to `y1`."""
         touched = jnp.zeros((), bool)
         if self.free is not None:  # a contact between samples shows in the state at the end
-            begin, end = (one[: one.size - self.state_count] for one in (y, y1))
+            begin, end = (one[: one.size - self.beside] for one in (y, y1))
             change = jnp.max(jnp.abs(end - self.free(begin)))
             info = jnp.finfo(y.dtype)  # with `tiny`, a state that has decayed to zero shows nothing
             touched = change > info.eps**0.5 * jnp.max(jnp.abs(end)) + info.tiny**0.5
         return Outcome(bounded(y1), jnp.asarray(solved), jnp.asarray(unresolved), touched)
-
-
-def _splits(solver: dfx.AbstractSolver) -> bool:
-    """Whether a solver takes an explicit and an implicit part, as KenCarp4 does."""
-    structure = solver.term_structure
-    return getattr(structure, "__origin__", structure) is dfx.MultiTerm
 
 
 def joined(revolutions: Array) -> Array:

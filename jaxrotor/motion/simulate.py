@@ -166,7 +166,7 @@ def _by_revolutions(
 
     `measured` says that a pilot has found the steps to be enough.
     """
-    asked, (scene, stations) = scene, scene.to_simulate(at)
+    asked, (scene, stations) = scene, scene.to_simulate(at, in_time=False)
     groups = port_groups(scene)
     system, why = system_of_march(scene, assemble(scene, groups), solver, start)
     if system is None:
@@ -175,7 +175,7 @@ def _by_revolutions(
         why = why if solver is None else ASKED
         return dataclasses.replace(found, method=f"{found.solver} {why}")
     revolutions, keep, steps = counts
-    start = shaft_of(start, "Motion by `revolutions`")
+    start, begin = _begun(system, start), Launch.of(start)
     rate = revolution_rate(scene, period)
     solver, pilots = with_shapes(solver, [system], [rate], stations, tolerance)
     plan = Plan(
@@ -225,7 +225,7 @@ def _by_revolutions(
         states={},
         stations=stations,
         stopped=jnp.asarray(jnp.inf),
-        end=Launch(Continued(*end)),
+        end=_end_of(system, begin, end, angle[-1], time[-1]),
         unresolved=good.unresolved,
         scene=asked,
         solver=solver_name(plan.solver),
@@ -233,6 +233,23 @@ def _by_revolutions(
         steps_per_revolution=steps,
         pilots=pilots,
     )
+
+
+def _begun(system: System, start: AbstractStart) -> AbstractStart:
+    """A start at a whole revolution: that of the shaft alone, or with the angle and time of several."""
+    shaft = shaft_of(start, "Motion by `revolutions`")
+    several = system.others and isinstance(start, Launch)
+    return dataclasses.replace(start, shaft=shaft) if several else shaft
+
+
+def _end_of(
+    system: System, begin: Launch, end: tuple[Array, ...], angle: Scalar, time: Scalar
+) -> Launch:
+    """End of a motion; the angles of several shafts follow by that of the first one and the time."""
+    if not system.others:
+        return Launch(Continued(*end))
+    angle = begin.angle + jnp.sign(system.spin.speed) * angle
+    return Launch(Continued(*end[:2]), angle=angle, time=begin.time + time)
 
 
 def _by_times(

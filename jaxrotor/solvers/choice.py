@@ -12,6 +12,7 @@ from jaxtyping import Array, Inexact
 from ..core.compiled import compiled_quickly
 from ..core.pilot import Pilot
 from ..core.quantities import Scalar, known
+from ..equations.clocks import rate_of
 from ..equations.constant_frame import in_constant_axes, linear_matrix
 from ..equations.lent import with_lent_films
 from ..equations.pencil import Pencil, frame
@@ -114,6 +115,8 @@ def _matrix(system: System, rate: Scalar) -> tuple[Inexact[Array, "m m"], list[S
     frequencies = [] if load.unbalance is None else [0.0 * s if turns else s]
     if turns and load.steady:
         frequencies.append(-s)
+    others = [rate_of(one, system.spin.speed, rate) for one in system.others]
+    frequencies += [one - s if turns else one for one in others]
     return linear_matrix(system, rate), frequencies
 
 

@@ -8,7 +8,7 @@ state to the stage values of the ports, the forces, and one product back. See do
 """
 
 import functools
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import equinox as eqx
 import jax
@@ -16,6 +16,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Float, Int
 
 from ..core.lanes import lanes_last
+from ..equations.clocks import Clocks, since
 from ..equations.constant_frame import ConstantFrame
 from ..equations.pencil import isotropic
 from ..equations.stationary_frame import Motion
@@ -23,10 +24,12 @@ from ..equations.system import System
 from .basis import Basis, Count, dense, modal
 from .forcing import AtConstantSpeed
 from .located import LocatedStep
-from .ports import PortForm, Reading, YieldingReading
+from .ports import PortForm, YieldingReading
+from .reading import Reading
 from .rotor import RotorAtSpeed
 from .shapes import Shapes
 from .step import Step, StepData, in_turn
+from .tableau import phase_at
 
 
 class Exponential(eqx.Module):
@@ -139,7 +142,7 @@ def revolution(
     With `batch`, all lanes under `jax.vmap` are stepped as one array, on a GPU with `fused` by one kernel.
     """
     if isinstance(step, LocatedStep) and not batch:  # one lane runs with all its tangents
-        return _located_revolution(step, stations, y, steps)
+        return revolution_of_lanes(step, stations, y, steps)
 
     def run(parts, y):
         step, stations = parts
@@ -151,20 +154,51 @@ def revolution(
 def revolution_of_lanes(
     step: Step | LocatedStep,
     stations: Reading | YieldingReading | None,
-    y: Float[Array, "m2 lanes"],
+    y: Float[Array, "m2 ..."],
     steps: int,
     *,
     unrolled: bool = True,
     fused: bool = False,
 ) -> Revolution:
-    """The same of all lanes, lanes last."""
+    """The same of all lanes, lanes last. The last numbers of a state are turns of other clocks."""
+    how = {"unrolled": unrolled, "fused": fused}
+    if (clocks := _clocks_of(step)) is None:
+        return _revolution(step, stations, y, steps, **how)
+    y, turns = jnp.split(y, [len(y) - len(clocks.rates)])
+    step, stations = since((step, stations), turns)
+    done = _revolution(step, stations, y, steps, **how)
+    return done._replace(end=jnp.concatenate([done.end, clocks.after(turns)]))
+
+
+def _plain(step: Step | LocatedStep) -> Any:
+    """The step that is not located."""
+    return step.whole if isinstance(step, LocatedStep) else step
+
+
+def _clocks_of(step: Step | LocatedStep) -> Clocks | None:
+    """Clocks of other shafts in a step."""
+    return _plain(step).forcing.reading.clocks
+
+
+def _revolution(
+    step: Step | LocatedStep,
+    stations: Reading | YieldingReading | None,
+    y: Float[Array, "m2 ..."],
+    steps: int,
+    *,
+    unrolled: bool,
+    fused: bool,
+) -> Revolution:
+    """The same where other clocks, if there are any, begin at zero."""
     if isinstance(step, LocatedStep):
         return _located_revolution(step, stations, y, steps)
-    phases = step.tableau.phases(step.tableau.h * jnp.arange(steps))
+    clocks = _clocks_of(step)
+    rates = () if clocks is None else clocks.rates
+    phases = step.tableau.phases(step.tableau.h * jnp.arange(steps), rates)
     # Unrolled by two, the loop needs no copy of the state back to its buffer.
     unroll = 2 if unrolled and stations is None and steps % 2 == 0 else 1
     parts = step, stations
-    if fused and unrolled and y.shape[-1] > 1:
+    if fused and unrolled and y.shape[-1] > 1 and phases.ndim == 3:
         from .fused import on_gpu  # pallas takes 0.4 s to load
 
         y, samples = on_gpu(_stepped, parts, y, phases, unroll)
@@ -172,7 +206,8 @@ def revolution_of_lanes(
         y, samples = jax.lax.scan(functools.partial(_stepped, parts), y, phases, unroll=unroll)
     if stations is None or samples is None:
         return Revolution(y, None, jnp.zeros(y.shape[1:], int))
-    samples = jnp.concatenate([samples, _seen(step, stations, phases[0, 0], y)[None]])
+    last = phases[0, 0] if clocks is None else phases[-1, -1]
+    samples = jnp.concatenate([samples, _seen(step, stations, last, y)[None]])
     return Revolution(y, samples, jnp.zeros(y.shape[1:], int))
 
 
@@ -184,7 +219,8 @@ def _located_revolution(
 ) -> Revolution:
     """A revolution by located steps, of one motion or of lanes last."""
     angles = jnp.multiply.outer(jnp.arange(steps + 1), step.tableau.h)
-    phases = jnp.stack([jnp.cos(angles), jnp.sin(angles)], axis=1)
+    clocks = _clocks_of(step)
+    phases = phase_at(angles, () if clocks is None else clocks.rates, axis=1)
 
     def one(carry, following):
         y, unresolved, (known, phase) = carry
@@ -203,7 +239,7 @@ def _located_revolution(
 def _stepped(
     parts: tuple[Step, Reading | YieldingReading | None],
     y: Float[Array, "m2 lanes"],
-    phases: Float[Array, "c 2"],
+    phases: Float[Array, "c c2 ..."],
 ) -> tuple[Float[Array, "m2 lanes"], Float[Array, "s4 lanes"] | None]:
     """States after a step, and what the stations read before it, lanes last."""
     step, stations = parts
@@ -214,7 +250,7 @@ def _stepped(
 def _seen(
     step: Step | LocatedStep,
     stations: Reading | YieldingReading,
-    phase: Float[Array, "2 ..."],
+    phase: Float[Array, "c2 ..."],
     y: Float[Array, "m2 ..."],
 ) -> Float[Array, "r ..."]:
     """Readings of the stations, and then states of laws, at a phase."""

@@ -15,8 +15,10 @@ from ..effects.law import Now
 from ..equations.coupled import AuxiliaryState, CoupledForces, Instant
 from ..equations.kinematics import Turning
 from ..equations.port import Law, Port
-from .ports import PortField, Reading, forces_of_lanes, take_lanes
+from .ports import PortField, forces_of_lanes, take_lanes
+from .reading import Reading
 from .step import AbstractForcing, At, StepData
+from .tableau import phase_at, phase_rate
 
 
 # A parabola at a share x of a step by its values at 0, 1/2 and 1: rows are the powers of x.
@@ -52,12 +54,12 @@ class AtConstantSpeed(AbstractForcing):
     def data(self, start, times, span, part=None) -> StepData:
         begin = start if part is None else start + part.begin
         angles = jnp.stack([begin + time * span for time in times])
-        return StepData(jnp.stack([jnp.cos(angles), jnp.sin(angles)], axis=1))
+        return StepData(phase_at(angles, self.reading.rates, axis=1))
 
     def at(self, start, part) -> At:
         angle = jnp.asarray(start + part.begin)
-        phase = jnp.stack([jnp.cos(angle), jnp.sin(angle)])
-        return At(phase, jnp.stack([-phase[1], phase[0]]))
+        phase = phase_at(angle, self.reading.rates, axis=0)
+        return At(phase, phase_rate(phase, self.reading.rates))
 
     def seen(self, node, own):
         return own + self.reading.steady(node)

@@ -6,8 +6,6 @@ See docs/concepts/ports.md.
 """
 
 import dataclasses
-from collections.abc import Callable
-from typing import cast
 
 import equinox as eqx
 import jax
@@ -15,12 +13,13 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex, Float, Inexact
 
-from ..core.lanes import per_lane, product
+from ..core.lanes import per_lane
 from ..core.quantities import Scalar
 from ..effects.law import Now, States
+from ..equations.clocks import Clocks
 from ..equations.constant_frame import ConstantFrame
 from ..equations.massless_coordinates import Condensed
-from ..equations.pencil import steady_response
+from ..equations.pencil import Pencil, steady_response
 from ..equations.port import Law, Port, actual, forces_and_rates
 from ..equations.stationary_frame import Motion
 from ..equations.system import System
@@ -36,65 +35,9 @@ from .basis import (
 )
 from .feedthrough import force_through
 from .form import AbstractForm
+from .reading import Phase, Reading
 from .step import AbstractRotor, Step
-from .tableau import Flows, phase_at, tableau_of
-
-
-Phase = Callable[[], Float[Array, "2 ..."]]  # cosine and sine of an angle of revolution
-
-
-class Reading(eqx.Module):
-    """`[Re, Im]` of displacement and velocity of stations: linear in `y`, plus the steady response.
-
-    Parts of the steady response without a load are None. All fields may have lanes last.
-    """
-
-    matrix: Float[Array, "s4 m2"]
-    still: Float[Array, " s4"] | None
-    cos: Float[Array, " s4"] | None
-    sin: Float[Array, " s4"] | None
-    turn: Scalar | None = None  # s, where all of these are along axes that turn by s theta
-
-    def steady(self, phase: Float[Array, "2 ..."]) -> Float[Array, "s4 ..."] | float:
-        """Readings of the steady response, by cosine and sine of the angle of revolution."""
-        steady = 0.0 if self.still is None else self.still
-        if self.cos is not None and self.sin is not None:
-            steady = steady + phase[0] * self.cos + phase[1] * self.sin
-        return steady
-
-    def fixed(self, phase: Phase, seen: Float[Array, "s4 ..."]) -> Array:
-        """Readings along fixed axes; `phase` is computed only where the axes turn."""
-        if self.turn is None:
-            return seen
-        return _turned(*self._angle(phase), seen)
-
-    def turned(self, phase: Phase, force: Float[Array, "p2 ..."]) -> Array:
-        """A force given along fixed axes, along those of the readings."""
-        if self.turn is None:
-            return force
-        cos, sin = self._angle(phase)
-        return _turned(cos, -sin, force)
-
-    def around(self, phase: Phase, matrix: Float[Array, "a2 b2 ..."]) -> Array:
-        """A matrix between vectors given along the axes of the readings, as it acts along fixed axes."""
-        if self.turn is None:
-            return matrix
-        columns = jnp.swapaxes(self.fixed(phase, matrix), 0, 1)
-        return jnp.swapaxes(self.fixed(phase, columns), 0, 1)
-
-    def _angle(self, phase: Phase) -> tuple[Array, Array]:
-        """Cosine and sine of `s theta`, with `s` -1, 1 or, of a rotor at rest, 0."""
-        cos, sin = phase()
-        turn = cast(Array, self.turn)
-        return 1 + turn**2 * (cos - 1), turn * sin
-
-    def __call__(self, theta: Scalar, y: Array) -> Float[Array, " s4"]:
-        phase = phase_at(theta)
-        return self.fixed(lambda: phase, self.matrix @ y + self.steady(phase))
-
-    def of_lanes(self, phase: Float[Array, "2 ..."], y: Float[Array, "m2 ..."]) -> Array:
-        """Readings of one or all lanes, by cosine and sine of the angle of revolution."""
-        return self.fixed(lambda: phase, product(self.matrix, y) + self.steady(phase))
+from .tableau import Flows, phase_at, phase_rate, tableau_of
 
 
 class Contacts(eqx.Module):
@@ -122,7 +65,7 @@ class PortField(eqx.Module):
         del args
         rate = self.generator @ y
         if self.reading is not None and self.input_matrix is not None:
-            phase = phase_at(theta)
+            phase = phase_at(theta, self.reading.rates)
             force = self.forces_of(lambda: phase, self.reading(theta, y))
             rate = rate + self.input_matrix @ self.reading.turned(lambda: phase, force)
         return rate
@@ -208,16 +151,16 @@ class YieldingReading(eqx.Module):
     field: PortField
 
     def __call__(self, theta: Scalar, y: Array) -> Float[Array, " s4"]:
-        return self._at(phase_at(theta), y)
+        return self._at(phase_at(theta, self.stations.rates), y)
 
-    def of_lanes(self, phase: Float[Array, "2 ..."], y: Float[Array, "m2 ..."]) -> Array:
+    def of_lanes(self, phase: Float[Array, "c2 ..."], y: Float[Array, "m2 ..."]) -> Array:
         """Readings of one or all lanes, by cosine and sine of the angle of revolution."""
         if y.ndim == 1:
             return self._at(phase, y)
         read = lambda parts, y: parts[0]._at(parts[1], y)
-        return per_lane(read, (self, phase.reshape(2, -1)), y)
+        return per_lane(read, (self, phase.reshape(len(phase), -1)), y)
 
-    def _at(self, phase: Float[Array, "2"], y: Array) -> Float[Array, " s4"]:
+    def _at(self, phase: Float[Array, " c2"], y: Array) -> Float[Array, " s4"]:
         field, stations = self.field, self.stations
         ports, enters = field.reading, field.input_matrix
         assert ports is not None and enters is not None
@@ -230,7 +173,7 @@ class YieldingReading(eqx.Module):
 
         _, force = seen(phase, y)
         rate = field.generator @ y + enters @ ports.turned(lambda: phase, force)
-        ahead = jnp.stack([-phase[1], phase[0]])
+        ahead = phase_rate(phase, stations.rates)
         (now, _), (rates, _) = jax.jvp(seen, (phase, y), (ahead, rate))
         place, speed = (part.reshape(2, 2, -1)[:, 0] for part in (now, field.motion.rate * rates))
         return jnp.stack([place, speed], axis=1).ravel()
@@ -246,8 +189,9 @@ class PortForm(AbstractForm, AbstractRotor):
     basis: Basis
     contacts: Contacts | None
     stations: Reading | YieldingReading
-    steady: Inexact[Array, " m"]  # at theta = 0
+    steady: Inexact[Array, " m"]  # at theta = 0, without what other clocks add
     axes: ConstantFrame | None = None  # None: one complex coordinate serves both axes
+    clocks: Clocks | None = None  # of states
 
     @classmethod
     def along_axes(cls, axes: ConstantFrame, motion: Motion, rows: Array, basis: Basis):
@@ -259,7 +203,8 @@ class PortForm(AbstractForm, AbstractRotor):
 
         def reading(output: Array) -> Reading:
             still, cos, sin = (None if part is None else output @ part for part in parts)
-            return Reading(output @ vectors, still, cos, sin, axes.turn)
+            clocks = axes.clocks and axes.clocks.seen(output)
+            return Reading(output @ vectors, still, cos, sin, axes.turn, clocks)
 
         contacts = None
         if axes.drive is not None and motion.rows is not None:
@@ -268,7 +213,7 @@ class PortForm(AbstractForm, AbstractRotor):
             through = None if feed is None else output @ feed
             contacts = Contacts(output @ vectors, forced, reading(output), through)
         output = axes.output(rows)
-        form = cls(motion, basis, contacts, reading(output), axes.steady, axes)
+        form = cls(motion, basis, contacts, reading(output), axes.steady, axes, axes.clocks)
         if feed is None:
             return form
         yielding = YieldingReading(reading(output), output @ feed, form.field)
@@ -283,19 +228,20 @@ class PortForm(AbstractForm, AbstractRotor):
         if whirling is not None:
             whirling = jnp.concatenate([whirling, 1j * motion.s * whirling])
         contacts = None
+        clocks = Clocks.of(system, motion.rate, _whirl_of(system, motion.rate))
         if motion.columns is not None and motion.rows is not None:
             forced = jnp.concatenate([0 * motion.columns, motion.columns])
             output = _output(motion, motion.rows)
             contacts = Contacts(
                 output @ basis.vectors,
                 basis.inverse @ forced,
-                _reading(motion, output, basis, still, whirling),
+                _reading(motion, output, basis, still, whirling, clocks),
             )
-        stations = _reading(motion, _output(motion, rows), basis, still, whirling)
+        stations = _reading(motion, _output(motion, rows), basis, still, whirling, clocks)
         steady = sum(
             (part for part in (still, whirling) if part is not None), 0 * basis.vectors[:, 0]
         )
-        return cls(motion, basis, contacts, stations, steady)
+        return cls(motion, basis, contacts, stations, steady, clocks=clocks)
 
     @property
     def field(self) -> PortField:
@@ -326,12 +272,17 @@ class PortForm(AbstractForm, AbstractRotor):
         flows = Flows.of(order, self.basis, self.input, h)
         return Step(tableau_of(self.basis, self.output, flows, h, once=once), forcing)
 
+    @property
+    def _begin(self) -> Inexact[Array, " m"]:
+        """The whole steady response at `theta = 0`."""
+        return self.steady if self.clocks is None else self.steady + self.clocks.cos.sum(0)
+
     def encode(self, q, velocity):
         if self.axes is not None:
             state = self.axes.state(q, velocity)
         else:
             state = jnp.concatenate([q, velocity / self.motion.rate])
-        moved = state - self.steady
+        moved = state - self._begin
         if self.axes is not None and self.axes.condensed is not None:
             moved = moved[np.asarray(self.axes.condensed.kept)]
         return packed(self.basis.inverse @ moved)
@@ -340,7 +291,7 @@ class PortForm(AbstractForm, AbstractRotor):
         moved = self.basis.vectors @ unpacked(self.basis, y)
         if self.axes is not None and self.axes.condensed is not None:
             moved = self._whole(self.axes.condensed, moved, y)
-        state = moved + self.steady
+        state = moved + self._begin
         if self.axes is not None:
             return self.axes.coordinates(state)
         q, rate = jnp.split(state, 2)
@@ -369,26 +320,33 @@ class PortForm(AbstractForm, AbstractRotor):
         return packed(self.basis.advance_free(revolutions, unpacked(self.basis, y)))
 
 
+def _whirl_of(system: System, rate: Scalar):
+    """Cosine and sine parts of the state of a whirl at `rho` times the rate under a force."""
+
+    def respond(rho: Scalar, force: Array) -> tuple[Array, Array]:
+        amplitude = Pencil.of(system).response(rate * rho, force)
+        state = jnp.concatenate([amplitude, 1j * rho * amplitude])
+        return state, 1j * state
+
+    return respond
+
+
 def _output(motion: Motion, rows: Float[Array, "s n"]) -> Float[Array, "s2 n2"]:
     """Output matrix of displacement and velocity of stations, on `(q, dq/dtheta)`."""
     zero = jnp.zeros_like(rows)
     return jnp.block([[rows, zero], [zero, motion.rate * rows]])
 
 
-def _reading(motion: Motion, output, basis, still, whirling) -> Reading:
+def _reading(motion: Motion, output, basis, still, whirling, clocks) -> Reading:
     """Reading of the deviation in a basis, with the steady response."""
     matrix = as_real(output @ basis.vectors)
     offset = None if still is None else _stack(output @ still)
+    clocks = clocks and clocks.seen(output, _stack)
     if whirling is None:
-        return Reading(matrix, offset, None, None)
+        return Reading(matrix, offset, None, None, clocks=clocks)
     whirl = output @ whirling
-    return Reading(matrix, offset, _stack(whirl), _stack(1j * motion.s * whirl))
-
-
-def _turned(cos: Array, sin: Array, parts: Float[Array, "a2 ..."]) -> Float[Array, "a2 ..."]:
-    """`[Re, Im]` of vectors, turned by an angle."""
-    x, y = jnp.split(parts, 2)
-    return jnp.concatenate([cos * x - sin * y, sin * x + cos * y])
+    turned = _stack(whirl), _stack(1j * motion.s * whirl)
+    return Reading(matrix, offset, *turned, clocks=clocks)
 
 
 def _stack(z: Complex[Array, " a"]) -> Float[Array, " a2"]:

@@ -20,9 +20,19 @@ from ..equations.port import Port
 from .basis import Basis, Dense, Rotation, SlotRotation, as_real, packed, unpacked
 
 
-def phase_at(theta: ArrayLike) -> Float[Array, "... 2"]:
-    """Cosine and sine of angles of revolution."""
-    return jnp.stack([jnp.cos(theta), jnp.sin(theta)], axis=-1)
+def phase_at(theta: ArrayLike, rates: Any = (), axis: int = -1) -> Float[Array, "... c2"]:
+    """Cosine and sine of angles of revolution, then those of other clocks, which turn by `rates` of it."""
+    angles = [theta, *(rate * theta for rate in rates)]
+    angles = jnp.broadcast_arrays(*angles) if len(angles) > 1 else angles
+    return jnp.stack([of(angle) for angle in angles for of in (jnp.cos, jnp.sin)], axis=axis)
+
+
+def phase_rate(phase: Float[Array, "c2 ..."], rates: Any = ()) -> Float[Array, "c2 ..."]:
+    """Rate of what `phase_at` gives, along a first axis, by the angle of revolution."""
+    parts = [-phase[1], phase[0]]
+    for k, rate in enumerate(rates):
+        parts += [-rate * phase[2 * k + 3], rate * phase[2 * k + 2]]
+    return jnp.stack(parts)
 
 
 class AbstractTableau(eqx.Module):
@@ -43,10 +53,19 @@ class AbstractTableau(eqx.Module):
         """2 or 4: as many as there are stages."""
         return len(self.stages)
 
-    def phases(self, theta: ArrayLike) -> Float[Array, "... c 2"]:
-        """Cosine and sine of the angles at the distinct times of steps from `theta` on."""
+    def phases(self, theta: ArrayLike, rates: Any = ()) -> Float[Array, "..."]:
+        """Cosine and sine of the angles at the distinct times of steps from `theta` on, see `phase_at`.
+
+        Clocks whose rates are those of lanes have a last axis of these.
+        """
         times = jnp.asarray(self.times, jnp.result_type(self.h))
-        return phase_at(jnp.asarray(theta)[..., None] + times * self.h)
+        angles = jnp.asarray(theta)[..., None] + times * self.h
+        if len(rates) and jnp.ndim(rates[0]):
+            of_lanes = rates.shape[-1] > 1
+            if of_lanes:
+                return phase_at(angles[..., None], rates, axis=-2)
+            rates = rates[..., 0]
+        return phase_at(angles, rates)
 
     @abc.abstractmethod
     def ahead(self, y: Array, load: Array | None) -> tuple[Array, list[Array]]:

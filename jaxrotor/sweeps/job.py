@@ -368,6 +368,7 @@ def identity(context: Context) -> dict[str, Any]:
         "scene": dumps(context.scene),
         "start": as_json(context.start),
         "station": float(context.station),
+        **({"observed_shaft": context.scene.observed} if context.scene.shafts else {}),
         **_pace(context),
         "solver": solver_name(plan.solver),
         "solver_settings": as_json(plan.solver),

@@ -10,10 +10,11 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 
+from ..core.quantities import with_values
 from ..effects.base import AbstractBodies
 from ..equations.rotating_frame import massless_of
 from ..equations.start import AbstractStart, Launch, checked_start, is_whole
-from ..equations.system import System, assemble, structure
+from ..equations.system import assemble, structure
 from ..motion.choice import (
     check_integrated,
     check_steppable,
@@ -91,7 +92,7 @@ def pace_of(
                 "whole revolutions without balls, but the start is another or is swept over them; leave "
                 "`solver` out, or give `times`."
             )
-        if not turned and _marches_all(scene, start, columns, system, solver):
+        if not turned and _marches_all(by_revolutions(scene), start, columns, solver):
             return None
     elif named or (solver is controller is None and steps_along(scene, system, times)[0]):
         return _stepping(scene, start, columns, times, solver, controller, steps)
@@ -107,9 +108,23 @@ def pace_of(
     return IntegratedPace(integration, interval, None, first)
 
 
-def _marches_all(scene: Scene, start: AbstractStart, columns, system: System, solver) -> bool:
+def by_revolutions(scene: Scene) -> Scene:
+    """A scene as a `March` takes it: unbalance of other shafts has a steady response, and is no force."""
+    return with_values(scene, in_time=False) if scene.in_time else scene
+
+
+def check_carried(carry: str | None, pace: Any, scene: Scene) -> None:
+    """Raise unless states can be carried on from lane to lane."""
+    if carry is not None and pace is not None and "turns" in structure(scene).clocks:
+        raise ValueError(
+            "`carry` continues each lane at angle zero, but forces of the scene count turns "
+            f"({assemble(scene).laws_with(lambda law: law.clock == 'turns')}); leave `carry` out."
+        )
+
+
+def _marches_all(scene: Scene, start: AbstractStart, columns, solver) -> bool:
     """Whether a `March` takes all lanes, which then have the same coordinates without mass."""
-    taken, _ = system_of_march(scene, system, solver)
+    taken, _ = system_of_march(scene, assemble(scene), solver)
     if taken is None or not (taken.massless or taken.remainder):
         return taken is not None
     scenes = _extremes(scene, start, columns)

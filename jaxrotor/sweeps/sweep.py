@@ -23,7 +23,7 @@ from ..equations.massless_coordinates import Massless
 from ..equations.rotating_frame import massless_in_steps
 from ..equations.shared_nodes import with_shared_nodes
 from ..equations.start import AbstractStart
-from ..equations.system import assemble, structure
+from ..equations.system import assemble
 from ..motion.base import Plan
 from ..motion.revolutions import check_constant_speed, check_weight, revolution_rate
 from ..motion.simulate import chosen_steps, with_nodes
@@ -44,7 +44,16 @@ from .grid import Block, Gathered, block_shape, blocks
 from .job import Job, check_rebounds, coords_of, errors_of, points_of
 from .lanes import Context, Stages
 from .observe import AbstractObservable, checked_observables
-from .pace import checked_times, finer, pace_of, start_of_lanes, stepped_by, windows_of
+from .pace import (
+    by_revolutions,
+    check_carried,
+    checked_times,
+    finer,
+    pace_of,
+    start_of_lanes,
+    stepped_by,
+    windows_of,
+)
 from .store import PENDING, Store, StoreError
 
 
@@ -157,7 +166,7 @@ def sweep(
     check_counts(0, settle=settle, error_sample=error_sample or 0)
     if along is None:
         _check_scene(scene, over)
-    _check_carry(carry, kick, scene)
+    _check_kick(carry, kick, scene)
     _check_precision(precision)
     over = over if carry is None else with_carried_first(over, carry, error_sample or 0)
     station, scene = _station(scene, at), scene.to_simulate(at)[0]
@@ -173,14 +182,14 @@ def sweep(
         pilots += (_chosen_steps(pilot_lanes(), settle + keep, tolerance, how),)
         steps = pilots[-1].setting
     pace = pace_of(scene, start, columns, (along, period), solver, controller, (steps, max_steps))
+    check_carried(carry, pace, scene)
     if along is not None:
         settle, keep, steps = windows_of(along)
     elif "spin.speed" not in columns:
         revolution_rate(scene, period)
-    massless = None
-    if pace is None:
-        solver, massless, more = _solver_of(scene, solver, pilot_lanes, station, period, tolerance)
-        pilots += more
+    scene = by_revolutions(scene) if pace is None else scene
+    shaped = scene, solver, pilot_lanes, station, period, tolerance
+    solver, massless, more = (solver, None, ()) if pace else _solver_of(*shaped)
     solver, controller, max_steps = stepped_by(pace, solver, controller, max_steps)
     observe = checked_observables(observe, scene, steps, along is not None)
     in_single = _in_single(precision, solver, pace)
@@ -197,7 +206,7 @@ def sweep(
     lanes = scene, start, tuple(columns), plan, station, period, observe, settle, keep
     job = Job(Context(*lanes, pace, in_single), axes, carry, Stages.fresh(), kick)
     with executor(cluster, workers) as running:
-        place = _place(store, job, chosen(pilots), lanes_per_chunk, running.count)
+        place = _place(store, job, chosen(pilots + more), lanes_per_chunk, running.count)
         return _run(job, place, error_sample, lanes_per_chunk, running, progress)
 
 
@@ -211,13 +220,8 @@ def _check_scene(scene: Scene, over: Mapping[str, Any]) -> None:
         check_weight(scene)
 
 
-def _check_carry(carry: str | None, kick: float, scene: Scene) -> None:
-    """Raise unless states can be carried on, and there are balls for a kick to move."""
-    if carry is not None and "turns" in structure(scene).clocks:
-        raise ValueError(
-            "`carry` continues each lane at angle zero, but a contact of the scene counts turns; leave "
-            "`carry` out."
-        )
+def _check_kick(carry: str | None, kick: float, scene: Scene) -> None:
+    """Raise unless there are balls that are carried on, for a kick to move."""
     if not isinstance(kick, Real) or not np.isfinite(kick):
         raise ValueError(f"`kick [rad]` must be a finite angle, but is {kick!r}.")
     if kick and (carry is None or not scene.of(AbstractBodies)):
@@ -282,7 +286,7 @@ def _solver_of(
     massless, solver = massless_in_steps(scene, system)[0], checked_solver(solver, system)
     if not isinstance(solver, Exponential) or solver.shapes is None:
         return solver, massless, ()
-    scenes = [scene for scene, _ in pilot_lanes()]
+    scenes = [by_revolutions(scene) for scene, _ in pilot_lanes()]
     systems = [dataclasses.replace(assemble(scene), massless=massless) for scene in scenes]
     rates = [revolution_rate(scene, period) for scene in scenes]
     solver, pilots = with_shapes(solver, systems, rates, station[None], tolerance)
