@@ -204,9 +204,7 @@ def advance_disturbed(
     return y, disturbances, jnp.log(jnp.abs(jnp.diagonal(triangle))), outcome
 
 
-def mean_and_error(
-    growth: Float[Array | np.ndarray, "R e"],
-) -> tuple[Float[Array | np.ndarray, " e"], Float[Array | np.ndarray, " e"]]:
+def mean_and_error(growth: Float[Array | np.ndarray, "R e"]) -> tuple[Any, Any]:
     """Mean over revolutions, and its standard error by the means of blocks.
 
     The weight rises and falls smoothly over the first and the last quarter, so that what oscillates with
