@@ -6,17 +6,22 @@ It is solved for journals in films and for shafts in rolling bearings.
 """
 
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import Any, TypeVar
 
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Complex, Float
 
 from ..core.plane import real_matrix
+from ..effects.base import AbstractContact
 from ..effects.law import Now
 from ..equations.pencil import Pencil
 from ..equations.port import Port
 from ..equations.system import System
+from ..scene import Scene
+
+
+_Contact = TypeVar("_Contact", bound=AbstractContact)
 
 
 def linear_part(system: System) -> tuple[Float[Array, "n2 n2"], Float[Array, " n2"]]:
@@ -28,13 +33,23 @@ def linear_part(system: System) -> tuple[Float[Array, "n2 n2"], Float[Array, " n
     return matrix, parts_of(constant)
 
 
+def numbered(scene: Scene, kind: type[_Contact]) -> dict[int, _Contact]:
+    """Contacts of a kind by their number among all contacts of a scene."""
+    every = enumerate(scene.of(AbstractContact))
+    return {number: one for number, one in every if isinstance(one, kind)}
+
+
 def port_forces_at_rest(
     ports: Sequence[Port], now: Now, x: Float[Array, " n2"]
 ) -> tuple[Float[Array, " n2"], Float[Array, "n2 n2"]]:
-    """Forces of ports in the equations, and their derivative by the coordinates."""
+    """Forces of ports in the equations, and their derivative by the coordinates.
+
+    `now` is the rotation of the first shaft.
+    """
 
     def pressed(port: Port) -> tuple[Array, Array]:
-        force = lambda at: port.forces(at, jnp.zeros(2), now).sum(0)
+        own = port.own(now)
+        force = lambda at: port.forces(at, jnp.zeros(2), own).sum(0)
         row, column = double(port.row), double(port.column).T
         value, slope = with_slopes(force, row @ x)
         return column @ value, column @ slope @ row

@@ -15,13 +15,20 @@ from ..core.quantities import Scalar, known
 from ..core.tables import RPM, notebook_table
 from ..effects import RollingBearing, Seal, Support
 from ..effects.film import AbstractFluid, AbstractFluidLaw
-from ..effects.law import Now
+from ..effects.law import Beside, Now
 from ..equations.port import Port
 from ..equations.stationary_frame import check_not_turning
 from ..equations.system import System
 from ..scene import Scene
-from ..shafts.cased import ends
-from .equilibrium import double, linear_part, of_each, parts_of, port_forces_at_rest, with_slopes
+from .equilibrium import (
+    double,
+    linear_part,
+    numbered,
+    of_each,
+    parts_of,
+    port_forces_at_rest,
+    with_slopes,
+)
 
 
 STIFF = 1e6  # springs that hold journals in place, over the stiffness of their films
@@ -59,7 +66,7 @@ class StaticPositions(eqx.Module):
 
 def film_positions(scene: Scene, system: System, speeds: Float[Array, " k"]) -> StaticPositions:
     """Rest of a scene in its oil films and seals, see `jaxrotor.static_positions`."""
-    films = scene.of(AbstractFluid)
+    films = numbered(scene, AbstractFluid)
     check_not_turning(system, "A static position", "simulate it in time")
     position, load, stiffness, damping = _at_speeds(system, films, speeds)
     if known(position) and not np.isfinite(position).all():
@@ -69,7 +76,7 @@ def film_positions(scene: Scene, system: System, speeds: Float[Array, " k"]) -> 
             "nothing at rest and has no stiffness if its journal does not turn; take higher speeds, less "
             "load, or add a Support."
         )
-    gaps = jnp.stack([film.clearance for film in films])
+    gaps = jnp.stack([film.clearance for film in films.values()])
     return StaticPositions(
         speeds=speeds,
         position=position,
@@ -77,7 +84,7 @@ def film_positions(scene: Scene, system: System, speeds: Float[Array, " k"]) -> 
         load=load,
         stiffness=stiffness,
         damping=damping,
-        films=tuple(scene.name_of(film) for film in films),
+        films=tuple(scene.name_of(film) for film in films.values()),
     )
 
 
@@ -106,7 +113,7 @@ def film_support(film: AbstractFluid, load: ArrayLike, speeds: Any) -> Support:
 
 
 @compiled_quickly
-def _at_speeds(system: System, films: tuple[AbstractFluid, ...], speeds: Float[Array, " k"]):
+def _at_speeds(system: System, films: dict[int, AbstractFluid], speeds: Float[Array, " k"]):
     """Positions in the bush, loads, stiffness and damping of all films at every speed."""
     return jax.vmap(lambda speed: _positions(_Balance.of(system.at_speed(speed), films)))(speeds)
 
@@ -133,7 +140,8 @@ def support_of(
     sense = {} if speeds is None else {"speeds": speeds, "one_sense": turning}
     if isinstance(bearing, Seal):
         numbers["mxx"] = bearing.inertia
-    return Support(at=bearing.at, on=bearing.on, **sense, **numbers)
+    where: dict[str, Any] = {"at": bearing.at, "on": bearing.on, "shaft": bearing.shaft}
+    return Support(**where, **sense, **numbers)
 
 
 # === equilibrium
@@ -148,18 +156,27 @@ class _Balance(eqx.Module):
     laws: tuple[AbstractFluidLaw, ...]
     rows: Float[Array, "f n"]  # read the displacements of the journals
     columns: Float[Array, "n f"]
-    speed: Scalar
+    speed: Scalar  # of the first shaft [rad/s]
+    speeds: Float[Array, "f 2"]  # of the shaft in each film, and of what it stands on [rad/s]
 
     @classmethod
-    def of(cls, system: System, films: tuple[AbstractFluid, ...]) -> "_Balance":
+    def of(cls, system: System, films: dict[int, AbstractFluid]) -> "_Balance":
         """Balance of a rotor at its speed."""
-        pairs = [ends(system.line, film.at, film.on) for film in films]
-        rows = jnp.stack([row for row, _ in pairs])
-        columns = jnp.stack([column for _, column in pairs], axis=1)
         matrix, load = linear_part(system)
-        laws = tuple(film.law() for film in films)
         speed = jnp.asarray(system.spin.speed)
-        return cls(matrix, load, system.ports, laws, rows, columns, speed)
+        return cls._of(matrix, load, system.ports, films, list(map(system.port_of, films)), speed)
+
+    @classmethod
+    def _of(cls, matrix, load, ports, films, own: list[Port], speed: Scalar) -> "_Balance":
+        """Balance of films, each with its `own` port."""
+        rows, columns = (
+            jnp.stack([getattr(port, side) for port in own]) for side in ("row", "column")
+        )
+        laws = tuple(film.law() for film in films.values())
+        rotations = [port.own(Now(speed)) for port in own]
+        still = lambda now: 0 * speed if now.beside is None else now.beside.speed
+        speeds = jnp.stack([jnp.stack([now.speed, still(now)]) for now in rotations])
+        return cls(matrix, load, ports, laws, rows, columns.T, speed, speeds)
 
     @classmethod
     def under_load(cls, film: AbstractFluid, load: Complex[Array, ""], speed: Scalar) -> "_Balance":
@@ -167,7 +184,7 @@ class _Balance(eqx.Module):
         one, law = jnp.ones(1), film.law()
         port = Port(one, one, film.at, (jax.tree.map(lambda leaf: jnp.asarray(leaf)[None], law),))
         zero, load = jnp.zeros((2, 2)), parts_of(load[None])
-        return cls(zero, load, (port,), (law,), one[None], one[:, None], speed)
+        return cls._of(zero, load, (port,), {0: film}, [port], speed)
 
     def residual(self, x: Array) -> tuple[Float[Array, " n2"], Float[Array, "n2 n2"]]:
         """Force that is not balanced, and its derivative."""
@@ -189,7 +206,9 @@ class _Balance(eqx.Module):
         Where the loads follow from equilibrium alone, it is near the position that is sought.
         """
         centres = jnp.stack([law.x + 1j * law.y for law in self.laws])
-        springs = jnp.stack([law.spring(self.speed) for law in self.laws])
+        springs = of_each(
+            lambda law, speeds: law.spring(law.carried(_now(speeds))), self.laws, self.speeds
+        )
 
         def held(springs: Array, places: Array) -> Float[Array, " n2"]:
             """Position on springs that are without force in some places."""
@@ -199,8 +218,14 @@ class _Balance(eqx.Module):
 
         x, y = (self.places(held(springs, centres))).T
         loads = springs * (x + 1j * y - centres)
-        places = of_each(lambda law, load: law.place(load, self.speed), self.laws, loads)
+        place = lambda law, load, speeds: law.place(load, law.carried(_now(speeds)))
+        places = of_each(place, self.laws, loads, self.speeds)
         return held(STIFF * springs, centres + places)
+
+
+def _now(speeds: Float[Array, "2"]) -> Now:
+    """Rotation of a shaft in a film, and of what it stands on."""
+    return Now(speeds[0], beside=Beside(speeds[1], None))
 
 
 def _positions(balance: _Balance):
@@ -211,14 +236,14 @@ def _positions(balance: _Balance):
     residual, jacobian = balance.residual(x)
     x = jnp.where(good, x - linalg.solve(free(jacobian), residual), jnp.nan)
 
-    def film(law: AbstractFluidLaw, place: Array) -> tuple[Array, ...]:
-        force = lambda motion: law(motion[:2], motion[2:], Now(balance.speed))
+    def film(law: AbstractFluidLaw, place: Array, speeds: Array) -> tuple[Array, ...]:
+        force = lambda motion: law(motion[:2], motion[2:], _now(speeds))
         own, slopes = with_slopes(force, jnp.append(place, jnp.zeros(2)))
         position = place - jnp.stack([law.x, law.y])
         vectors = position[0] + 1j * position[1], -own[0] - 1j * own[1]
         return *vectors, -slopes[:, :2], -slopes[:, 2:]
 
-    return of_each(film, balance.laws, balance.places(x))
+    return of_each(film, balance.laws, balance.places(x), balance.speeds)
 
 
 def _newton(balance: _Balance) -> tuple[Float[Array, " n2"], Bool[Array, ""]]:

@@ -8,7 +8,6 @@ import numpy as np
 from ..core.quantities import known
 from ..effects import Crack, MagneticBearing, RollingBearing
 from ..effects.film import AbstractFluid
-from ..effects.layout import check_one_shaft
 from ..equations.pencil import check_axes, frame, unequal_parts
 from ..equations.speed_tables import check_tables
 from ..equations.system import assemble
@@ -52,7 +51,6 @@ def static_positions(
             rolling bearing without a load, or of one ball under load, or in a magnetic bearing in
             saturation; or `linear` of a rolling bearing is None.
     """
-    check_one_shaft(scene.shafts, "`static_positions`")
     speeds = jnp.atleast_1d(jnp.asarray(scene.spin.speed if speeds is None else speeds, float))
     kind = _kind_of(scene)
     check_tables(scene, speeds)

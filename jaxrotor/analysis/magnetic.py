@@ -20,7 +20,7 @@ from ..effects.magnetic_bearing import MagneticLaw
 from ..equations.port import Port, port_forces, rates_of_states
 from ..equations.system import System
 from ..scene import Scene
-from ..shafts.cased import ends
+from ..shafts.cased import ends, line_of
 from .equilibrium import double, linear_part, with_slopes
 
 
@@ -177,7 +177,8 @@ def _at_rest(
     parts = []
     for bearing, k in zip(bearings, first, strict=True):
         law = with_values(bearing.law(), limit=None)
-        read = lambda at, on=bearing.on: double(ends(system.line, at, on)[0]) @ x
+        line = line_of(system.line, bearing.shaft)
+        read = lambda at, line=line, on=bearing.on: double(ends(line, at, on)[0]) @ x
         sensor = None if bearing.sensor is None else (read(bearing.sensor), jnp.zeros(2))
         now = Now(jnp.zeros(()), state=states[k : k + len(law.states)], sensor=sensor)
         parts.append(_of_bearing(law, read(bearing.at), now))

@@ -21,8 +21,14 @@ from ..effects.rolling_bearing import RollingLaw
 from ..equations.port import Port
 from ..equations.system import System
 from ..scene import Scene
-from ..shafts.cased import ends
-from .equilibrium import double, linear_part, of_each, port_forces_at_rest, with_slopes
+from .equilibrium import (
+    double,
+    linear_part,
+    numbered,
+    of_each,
+    port_forces_at_rest,
+    with_slopes,
+)
 
 
 ANGLES = 256  # of the cage in a pass, over which a mean is taken
@@ -84,8 +90,8 @@ def freeze_of(scene: Scene) -> str:
 
 def rolling_positions(scene: Scene, system: System, speeds: Float[Array, " k"]) -> RollingPositions:
     """Rest of a scene in its rolling bearings, see `jaxrotor.static_positions`."""
-    linear, bearings = freeze_of(scene), scene.of(RollingBearing)
-    names = tuple(scene.name_of(bearing) for bearing in bearings)
+    linear, bearings = freeze_of(scene), numbered(scene, RollingBearing)
+    names = tuple(scene.name_of(bearing) for bearing in bearings.values())
     turning = lambda law: law.states or law.clock and not isinstance(law, RollingLaw)
     if others := system.laws_with(turning):
         raise ValueError(
@@ -124,7 +130,7 @@ def _why(loose: bool, carries: bool, name: str) -> str:
 @compiled_quickly
 def _at_speeds(
     system: System,
-    bearings: tuple[RollingBearing, ...],
+    bearings: dict[int, RollingBearing],
     length: Scalar,
     speeds: Float[Array, " k"],
     shares: Float[Array, " a"],
@@ -137,6 +143,11 @@ def _at_speeds(
         return jax.tree.map(lambda x: x.mean(0), found), loose.any(0), carries.all(0)
 
     return jax.vmap(at)(speeds)
+
+
+def _begun(speed: Scalar) -> Now:
+    """Rotation of the first shaft at t = 0."""
+    return Now(speed, jnp.zeros(()), time=jnp.zeros(()))
 
 
 class _Rest(eqx.Module):
@@ -152,12 +163,16 @@ class _Rest(eqx.Module):
     speed: Scalar
 
     @classmethod
-    def of(cls, system: System, bearings: tuple[RollingBearing, ...], length: Scalar) -> "_Rest":
-        pairs = [ends(system.line, bearing.at, bearing.on) for bearing in bearings]
-        rows = jnp.stack([row for row, _ in pairs])
-        columns = jnp.stack([column for _, column in pairs], axis=1)
-        laws, speed = tuple(bearing.law() for bearing in bearings), jnp.asarray(system.spin.speed)
-        return cls(*linear_part(system), system.ports, laws, rows, columns, length, speed)
+    def of(cls, system: System, bearings: dict[int, RollingBearing], length: Scalar) -> "_Rest":
+        own = list(map(system.port_of, bearings))
+        rows, columns = jnp.stack([p.row for p in own]), jnp.stack([p.column for p in own], axis=1)
+        speed = jnp.asarray(system.spin.speed)
+        # A law is given the angles of the shafts at t = 0 by its port, so here as a part of its own
+        laws = []
+        for port, bearing in zip(own, bearings.values(), strict=True):
+            law, now = bearing.law(), port.own(_begun(speed))
+            laws.append(with_values(law, phase=law.cage(now)))
+        return cls(*linear_part(system), system.ports, tuple(laws), rows, columns, length, speed)
 
     def _with_laws(self, change: Callable[[RollingLaw], RollingLaw]) -> "_Rest":
         """The same with other laws of rolling, those of ports as well, which are stacks of laws."""
@@ -185,7 +200,7 @@ class _Rest(eqx.Module):
 
     def residual(self, x: Array) -> tuple[Float[Array, " n2"], Float[Array, "n2 n2"]]:
         """Force that is not balanced, and its derivative, with cages at the angle 0 of rotation."""
-        now = Now(self.speed, jnp.zeros(()))
+        now = _begun(self.speed)
         values, slopes = port_forces_at_rest(self.ports, now, x)
         return self.matrix @ x - self.load - values, self.matrix - slopes
 
@@ -235,7 +250,7 @@ def _positions(rest: _Rest) -> tuple[tuple[Array, Array, Array], Array, Array]:
     compliance = jnp.stack(
         [jnp.einsum("n,anb->ab", row, yields[..., j]) for j, row in enumerate(rest.rows)]
     )
-    now = Now(rest.speed, jnp.zeros(()))
+    now = _begun(rest.speed)
 
     def bearing(law: RollingLaw, place: Array) -> tuple[Array, ...]:
         own, slopes = with_slopes(lambda place: law(place, jnp.zeros(2), now), place)

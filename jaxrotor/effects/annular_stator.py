@@ -7,6 +7,7 @@ import jax
 import jax.numpy as jnp
 
 from ..core.quantities import Number, Scalar, nonnegative, positive, real
+from .coefficients import is_zero
 from .law import Hardness, Now, Plane
 from .rub import AbstractRub, AbstractRubLaw, Touch
 
@@ -19,7 +20,9 @@ class AnnularStator(AbstractRub):
         F = -N (1 + i f sgn V) n,   V = Omega R + Im(r. n*)   slip of the rim, R = rim_radius
 
     The rim stays round and the ring yields where it is touched. Its mount is rigid, or it stands `on` a
-    `Casing` of its own mass and suspension, to which `z` is then relative. `offset` and `angle` place the
+    `Casing` of its own mass and suspension, to which `z` is then relative. `on` another shaft around this
+    one it turns with that, `V = Omega R - Omega_2 (R + gap) + Im(r. n*)`, and that shaft feels the torque
+    `f N (R + gap) sgn V`. `offset` and `angle` place the
     centre of the ring. `blend` [m] and `slip` [m/s] smooth the force and the reversal of friction as in
     `Limiter`; a rim that rolls (V = 0) needs `slip`, since with the sharp law it changes between both
     directions of friction for ever. A ring without gap is in contact always. A ring differs from many
@@ -46,6 +49,15 @@ class AnnularStator(AbstractRub):
     def eccentric(self) -> Scalar:
         return self.offset
 
+    @property
+    def reason_between(self) -> str | None:
+        if is_zero(self.friction) or not is_zero(self.rim_radius) and is_zero(self.offset):
+            return None
+        return (
+            "whose surfaces slip by the speeds of both; give `rim_radius [m]`, that of the inner shaft, "
+            "without an `offset`, or leave `friction [1]` out"
+        )
+
     def law(self) -> "ViscoelasticRing":
         x, y = self.offset * jnp.cos(self.angle), self.offset * jnp.sin(self.angle)
         return ViscoelasticRing(x=x, y=y, contact=self)
@@ -65,7 +77,7 @@ class ViscoelasticRing(AbstractRubLaw):
     def touch(self, displacement: Plane, velocity: Plane, now: Now) -> Touch:
         ring = self.contact
         radius, cos, sin, _ = _polar(displacement[0] - self.x, displacement[1] - self.y)
-        slipping = now.speed * ring.rim_radius + cos * velocity[1] - sin * velocity[0]
+        slipping = self.sliding(now) + cos * velocity[1] - sin * velocity[0]
         # The radius has a kink in the centre, which cubics along a step misread; its square has none.
         twice = 2 * jnp.where(ring.gap > 0, ring.gap, 1.0)
         nearness = (radius**2 - ring.gap**2) / twice

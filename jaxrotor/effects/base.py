@@ -29,7 +29,8 @@ class AbstractEffect(AbstractPart):
     )
     strains: ClassVar[bool] = False  # whether it damps the strain of the shaft
     along_shaft: ClassVar[bool] = False  # whether it acts all along a shaft
-    by_speed: ClassVar[bool] = False  # whether its force depends on the speed of what it stands on
+    # Whether its force depends on the speed of one shaft, so that it is none between two:
+    by_speed: ClassVar[bool] = False
 
     # Name of the shaft it sits on, in a scene of several; `at=("hp", 0.3)` gives it, too:
     shaft: str | None = eqx.field(default=None, static=True, kw_only=True)
@@ -43,6 +44,11 @@ class AbstractEffect(AbstractPart):
     def turns_section(self) -> bool:
         """Whether it may act on the slope at its station."""
         return True
+
+    @property
+    def reason_between(self) -> str | None:
+        """Why it cannot be between two shafts as it is, and what to do; None: it can."""
+        return None
 
 
 class AbstractLinear(AbstractEffect):

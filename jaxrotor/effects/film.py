@@ -58,11 +58,18 @@ class AbstractFluidLaw(AbstractSmoothLaw):
         return (displacement - centre) / self.film.clearance
 
     @abc.abstractmethod
-    def spring(self, speed: Scalar) -> Scalar:
+    def carried(self, now: Now) -> Number | float | None:
+        """Speed of a shaft in a bush at rest that would carry the fluid as it is carried [rad/s].
+
+        None: nothing carries it.
+        """
+
+    @abc.abstractmethod
+    def spring(self, carried: Scalar) -> Scalar:
         """Stiffness [N/m] about the centre, by which a load is shared before its position is known."""
 
     @abc.abstractmethod
-    def place(self, load: Complex[Array, ""], speed: Scalar) -> Complex[Array, ""]:
+    def place(self, load: Complex[Array, ""], carried: Scalar) -> Complex[Array, ""]:
         """Position in the gap [m] that bears a load, to some digits."""
 
 
@@ -127,22 +134,28 @@ class FilmLaw(AbstractFluidLaw):
         """Length over diameter."""
         return self.film.length / (2 * self.film.radius)
 
-    def spring(self, speed: Scalar) -> Scalar:
-        return self.film.turning * self.scale / self.film.clearance * jnp.abs(speed)
+    def carried(self, now: Now) -> Number | float | None:
+        """`Omega`, or the sum of both; the ring of a damper turns with what it stands on."""
+        if now.beside is None:
+            return now.speed if self.film.turning else None
+        return now.beside.speed + (now.speed if self.film.turning else now.beside.speed)
 
-    def place(self, load: Complex[Array, ""], speed: Scalar) -> Complex[Array, ""]:
+    def spring(self, carried: Scalar) -> Scalar:
+        return self.scale / self.film.clearance * jnp.abs(carried)
+
+    def place(self, load: Complex[Array, ""], carried: Scalar) -> Complex[Array, ""]:
         """That of a film at rest, which bears nothing, is on the farthest circle."""
         e = eccentricities_to(NEAREST_FINITE if self.film.modes else NEAREST)
         zero = np.zeros_like(e)
         still = jnp.stack([e, zero], axis=1), jnp.stack([zero, -e / 2], axis=1)  # at a speed of 1
         along, across = jax.vmap(self.resistance)(*still).T
-        forces = -self.scale * jnp.abs(speed) * (along + 1j * jnp.sign(speed) * across)
+        forces = -self.scale * jnp.abs(carried) * (along + 1j * jnp.sign(carried) * across)
         return self.film.clearance * place_by(load, e, forces)
 
     def __call__(self, displacement: Plane, velocity: Plane, now: Now) -> Plane:
         zeta, rate = self.eccentricity(displacement), velocity / self.film.clearance
-        if self.film.turning:
-            rate = rate - now.speed / 2 * jnp.stack([-zeta[1], zeta[0]])
+        if (carried := self.carried(now)) is not None:
+            rate = rate - carried / 2 * jnp.stack([-zeta[1], zeta[0]])
         return -self.scale * self.resistance(zeta, rate)
 
     def resistance(self, zeta: Plane, w: Plane) -> Plane:
@@ -175,7 +188,8 @@ class FilmLaw(AbstractFluidLaw):
     def torque(self, force: Plane, displacement: Plane, velocity: Plane, now: Now) -> Number:
         """`T = -2 pi mu R^3 L Omega / (c s) - Im(z* F) / 2` with Couette shear all round.
 
-        The ring of a damper does not turn, and what holds it takes the moment.
+        `Omega` is the speed past the bush. The ring of a damper does not turn in it, and what holds it
+        takes the moment.
         """
         film = self.film
         if not film.turning:
@@ -184,7 +198,8 @@ class FilmLaw(AbstractFluidLaw):
         square = zeta[0] ** 2 + zeta[1] ** 2
         s = jnp.sqrt(jnp.where(square < 1, 1 - square, jnp.nan))
         shear = 2 * jnp.pi * film.viscosity * film.radius**3 * film.length / film.clearance
-        return -shear * now.speed / s - film.clearance * (x * force[1] - y * force[0]) / 2
+        past = now.speed if now.beside is None else now.speed - now.beside.speed
+        return -shear * past / s - film.clearance * (x * force[1] - y * force[0]) / 2
 
     def hardness(self) -> Hardness:
         """Damping of the centred journal: a short half film has `pi k0 / (2 c)`. There is no stiffness."""

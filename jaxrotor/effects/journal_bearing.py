@@ -35,13 +35,16 @@ class JournalBearing(AbstractFilm):
     with `H = 1 - Re(zeta* e^(i phi))` and `g = -Re(w* e^(i phi))`. Two modes have the load within 0.4 % of
     a film in two dimensions up to an eccentricity of 0.9 at L/D = 1, one of them within 5 %.
 
+    Between two shafts, where the bush is that `on` which it stands, `w` has the sum of both speeds for
+    `Omega`, so that equal counter-rotation squeezes the film alone; the shear in `T` has their difference.
+    The other shaft feels `-T - Im(z* F)`.
+
     Linear analyses need coefficients about a static position, see `jaxrotor.linearized`.
     Source: Ocvirk (1952); Capone (1991); Friswell et al. (2010); modes: Reynolds' equation, separated.
     """
 
     kind: ClassVar[str] = "journal_bearing"
     plural: ClassVar[str] = "journal_bearings"
-    by_speed: ClassVar[bool] = True
     turning: ClassVar[bool] = True
 
     at: Scalar = nonnegative("at [m]")
@@ -53,7 +56,8 @@ class JournalBearing(AbstractFilm):
     angle: Scalar = real("angle [rad]", default=0.0)
     blend: Scalar | None = positive("blend [1/s]", default=None)
     cavitated: bool = eqx.field(default=True, static=True)  # half of the film is under pressure
-    on: str | None = eqx.field(default=None, static=True)  # name of a casing; None: the ground
+    # Name of a casing, or of another shaft; None: the ground
+    on: str | None = eqx.field(default=None, static=True)
     modes: int = eqx.field(default=0, static=True)  # of the pressure along the film; 0: short
 
     def __check_init__(self):

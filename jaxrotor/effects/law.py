@@ -24,6 +24,13 @@ class Hardness(NamedTuple):
     friction: Scalar  # coefficient [1]
 
 
+class Beside(NamedTuple):
+    """Rotation of a shaft on which a contact of another one stands."""
+
+    speed: Number  # [rad/s]
+    angle: Number | None  # [rad]; None: its law has no `clock`
+
+
 class Now(NamedTuple):
     """Speed, angle, states and a sensor, on which a law may depend beside the motion at its station."""
 
@@ -34,6 +41,7 @@ class Now(NamedTuple):
     branch: Branch | None = None  # that its `rates` follow; None: the one of the motion
     acceleration: Number | None = None  # of rotation [rad/s^2]; None: zero
     time: Number | None = None  # [s], along times
+    beside: Beside | None = None  # of the shaft on which it stands; None: it stands on none
 
 
 class Clock(eqx.Module):

@@ -217,12 +217,10 @@ def check_shafts(effects: Effects, name: str | None) -> None:
 
 
 def _check_joint(effect: AbstractEffect) -> None:
-    """Raise if an effect between two shafts would need the speeds of both."""
-    friction = getattr(effect, "friction", None)
-    if friction is not None and not (known(friction) and float(friction) == 0):
+    """Raise if the force of an effect between two shafts is not known."""
+    if effect.reason_between is not None:
         raise ValueError(
-            f"The {effect.kind} {_where(effect)}is between two shafts and has friction, whose sense needs "
-            "the speeds and radii of both; leave `friction [1]` out, or set it to 0."
+            f"The {effect.kind} {_where(effect)}is between two shafts, {effect.reason_between}."
         )
     if effect.by_speed:
         raise ValueError(

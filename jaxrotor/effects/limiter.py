@@ -7,6 +7,7 @@ import equinox as eqx
 import jax.numpy as jnp
 
 from ..core.quantities import Number, Scalar, nonnegative, positive, real
+from .coefficients import is_zero
 from .law import Hardness, Now, Plane
 from .rub import AbstractRub, AbstractRubLaw, Touch
 
@@ -52,6 +53,15 @@ class Limiter(AbstractRub):
         """
         return [cls(angle=angle, **parameters) for angle in angles]
 
+    @property
+    def reason_between(self) -> str | None:
+        if is_zero(self.friction):
+            return None
+        return (
+            "but a stop along one direction turns with neither, so its friction is none of theirs; take "
+            "an AnnularStator, or leave `friction [1]` out"
+        )
+
     def law(self) -> "ViscoelasticStop":
         return ViscoelasticStop(cos=jnp.cos(self.angle), sin=jnp.sin(self.angle), contact=self)
 
@@ -71,7 +81,7 @@ class ViscoelasticStop(AbstractRubLaw):
         stop = self.contact
         outward = self.cos * displacement[0] + self.sin * displacement[1]
         closing = self.cos * velocity[0] + self.sin * velocity[1]
-        slipping = now.speed * stop.rim_radius + self.cos * velocity[1] - self.sin * velocity[0]
+        slipping = self.sliding(now) + self.cos * velocity[1] - self.sin * velocity[0]
         depth = outward - stop.gap
         return Touch(self.cos, self.sin, depth, closing, slipping, depth)
 

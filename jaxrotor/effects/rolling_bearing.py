@@ -10,7 +10,7 @@ from ..core.checks import check_counts
 from ..core.extremes import larger
 from ..core.lanes import computed_once, reduced
 from ..core.plane import cosine_and_sine
-from ..core.quantities import Number, Scalar, at_least, nonnegative, positive, real
+from ..core.quantities import Number, Scalar, at_least, known, nonnegative, positive, real
 from .base import AbstractContact
 from .law import AbstractSmoothLaw, Hardness, Now, Plane
 
@@ -28,10 +28,12 @@ class RollingBearing(AbstractContact):
         F = -stiffness Sum (d_j)_+^exponent e^(i phi_j),   T = -r_i Im(z* F)
 
     `z` is the displacement of the inner race, which turns with the shaft by `theta`, from the outer one.
-    Balls roll, so that the cage turns at `r_i` of the speed; only the ratio of `inner_radius` to
-    `outer_radius`, those of the races, enters. The outer race turns at `outer_speed` times the speed of
-    the shaft; where this is negative it may stop the cage. `angle` is that of ball 0 at `theta = 0`. `gap`
-    is the clearance on one side, half of what catalogues give as radial clearance; a negative one is a
+    Where that sits `on` another shaft, which turns by `theta_2`, the cage turns by `r_i theta + r_o
+    theta_2`, and that shaft feels `T_2 = -r_o Im(z* F)`. Balls roll, so that the cage turns at `r_i` of
+    the speed; only the ratio of `inner_radius` to `outer_radius`, those of the races, enters. The outer
+    race turns at `outer_speed` times the speed of the shaft; where this is negative it may stop the cage.
+    `angle` is that of ball 0 at `theta = 0`. `gap` is the clearance on one side, half of what catalogues
+    give as radial clearance; a negative one is a
     preload. `exponent` is 10/9 for rollers. If it is absent, it is 3/2, as for balls, and the force takes
     roots in place of powers, which is ten times as fast in lanes of a sweep.
 
@@ -63,7 +65,8 @@ class RollingBearing(AbstractContact):
     angle: Scalar = real("angle [rad]", default=0.0)
     outer_speed: Scalar = real("outer_speed [1]", default=0.0)
     blend: Scalar | None = positive("blend [m]", default=None)
-    on: str | None = eqx.field(default=None, static=True)  # name of a casing; None: the ground
+    # Name of a casing, or of the shaft of the outer race; None: the ground
+    on: str | None = eqx.field(default=None, static=True)
     # "frozen" or "mean", the cage of a static position; None: none is assumed
     linear: Literal["frozen", "mean"] | None = eqx.field(default=None, static=True)
 
@@ -71,6 +74,12 @@ class RollingBearing(AbstractContact):
         check_counts(FEWEST, balls=self.balls)
         if self.linear not in (None, *FREEZES):
             raise ValueError(f'`linear` must be "frozen", "mean" or None, but is {self.linear!r}.')
+
+    @property
+    def reason_between(self) -> str | None:
+        if known(self.outer_speed) and float(self.outer_speed) == 0:
+            return None
+        return "whose speeds are those of its races; leave `outer_speed [1]` out"
 
     def law(self) -> "RollingLaw":
         inner = self.inner_radius / (self.inner_radius + self.outer_radius)
@@ -116,9 +125,16 @@ class RollingLaw(AbstractSmoothLaw):
         """Exponent of the law, 3/2 where it is absent."""
         return jnp.full_like(self.stiffness, 1.5) if self.exponent is None else self.exponent
 
+    def cage(self, now: Now) -> Number:
+        """Angle of ball 0 [rad]."""
+        if now.beside is None:
+            return self.rate * cast(Any, now.angle) + self.phase
+        outer = (1 - self.inner) * cast(Any, now.beside.angle)
+        return self.inner * cast(Any, now.angle) + outer + self.phase
+
     def __call__(self, displacement: Plane, velocity: Plane, now: Now) -> Plane:
         x, y = displacement
-        cage = self.rate * cast(Any, now.angle) + self.phase
+        cage = self.cage(now)
         cos, sin = computed_once(jnp.stack(cosine_and_sine(cage)))
         # One sine and cosine serve all balls, along a first axis: lanes remain the last.
         apart = 2 * np.pi / self.balls * np.arange(self.balls)

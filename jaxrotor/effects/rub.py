@@ -49,6 +49,12 @@ class AbstractRubLaw(AbstractLaw):
 
     contact: eqx.AbstractVar[AbstractRub]  # whose law it is
 
+    def sliding(self, now: Now) -> Number:
+        """`Omega R`, less `Omega_2 (R + gap)` of another shaft around it: slip of centred shafts [m/s]."""
+        rim = self.contact.rim_radius
+        own = now.speed * rim
+        return own if now.beside is None else own - now.beside.speed * (rim + self.contact.gap)
+
     @abc.abstractmethod
     def touch(self, displacement: Plane, velocity: Plane, now: Now) -> Touch:
         """Motion of the rim relative to the contact."""

@@ -117,13 +117,16 @@ class SealLaw(AbstractFluidLaw):
         zero = jnp.zeros_like(seal.stiffness)
         return Hardness(seal.stiffness, seal.damping, jnp.zeros(2), zero)
 
-    def spring(self, speed: Scalar) -> Scalar:
-        return jnp.abs(self._stiffness(jnp.zeros(2), speed))
+    def carried(self, now: Now) -> Number | float:
+        return now.speed
 
-    def place(self, load: Complex[Array, ""], speed: Scalar) -> Complex[Array, ""]:
+    def spring(self, carried: Scalar) -> Scalar:
+        return jnp.abs(self._stiffness(jnp.zeros(2), carried))
+
+    def place(self, load: Complex[Array, ""], carried: Scalar) -> Complex[Array, ""]:
         e = eccentricities_to(NEAREST)
         forces = (
-            -self.film.clearance * jnp.asarray(e) * self._stiffness(jnp.stack([e, 0 * e]), speed)
+            -self.film.clearance * jnp.asarray(e) * self._stiffness(jnp.stack([e, 0 * e]), carried)
         )
         return self.film.clearance * place_by(load, e, forces)
 

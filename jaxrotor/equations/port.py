@@ -13,7 +13,7 @@ from jaxtyping import Array, Float
 from ..core.extremes import larger
 from ..core.lanes import computed_once
 from ..core.quantities import Scalar
-from ..effects.law import AbstractLaw, Branch, Clock, Now, States
+from ..effects.law import AbstractLaw, Beside, Branch, Clock, Now, States
 
 
 Branches = tuple[Float[Array, "_ _ ..."], ...]  # (k, c) of every stack of k laws of equal structure
@@ -37,6 +37,15 @@ class Port(eqx.Module):
     # Number of the port whose motion its laws are given as that of their sensor; None: they have none:
     reads: int | None = eqx.field(static=True, default=None)
     clock: Clock | None = None  # of the shaft of its laws, where that is not the first one
+    beside: Clock | None = None  # of the shaft on which they stand; None: they stand on none
+
+    def own(self, now: Now) -> Now:
+        """Rotation as its laws are given it, by that of the first shaft."""
+        own = now if self.clock is None else self.clock.of(now)
+        if self.beside is None:
+            return own
+        there = self.beside.of(now)
+        return own._replace(beside=Beside(there.speed, there.angle))
 
     def begin(self) -> States:
         """States of all laws at the start of a motion, stack by stack."""
@@ -259,8 +268,7 @@ def of_each(
         state = now.state[np.array(port.places, int)] if now.state is not None else None
         read = port.reads
         seen = None if read is None else (displacement[read], velocity[read])
-        own = now if port.clock is None else port.clock.of(now)
-        yield own._replace(state=state, sensor=seen)
+        yield port.own(now)._replace(state=state, sensor=seen)
 
 
 def of_all(ports: Sequence[Port], each: Iterable[Array]) -> States:

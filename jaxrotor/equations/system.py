@@ -19,7 +19,7 @@ from ..effects.base import (
     AbstractContact,
     AbstractUnequal,
 )
-from ..effects.law import AbstractLaw, Now, States
+from ..effects.law import AbstractLaw, Clock, Now, States
 from ..effects.layout import coaxial_shafts
 from ..effects.places import of_first_order
 from ..scene import Scene
@@ -163,6 +163,12 @@ class System(eqx.Module):
         beside = any(passed[len(self.members) :])
         return phrase([*(contacts[i] for i in numbers), *["unbalance of another shaft"] * beside])
 
+    def port_of(self, contact: int) -> Port:
+        """The port of a contact, by its number in the scene."""
+        lasts = np.cumsum([sum(map(count_of, port.laws)) for port in self.ports])
+        place = self.members.index(contact)
+        return self.ports[int(np.searchsorted(lasts, place, side="right"))]
+
     def contact_forces(
         self, displacement: Array, velocity: Array, now: Now
     ) -> Float[Array, "k 2 ..."]:
@@ -211,6 +217,7 @@ def _assembled(scene: Scene, together: tuple[tuple[int, ...], ...]) -> System:
     every = [owned[i].law if i in owned else one.law() for i, one in enumerate(contacts)]
     beside: dict[str | None, Any] = {o.name: o.clock for o in coaxial_shafts(scene.effects)}
     check_clocks(scene, beside, every)
+    stood_on = {scene.name: Clock(jnp.ones(()), None)} | beside if beside else {}
     first = np.cumsum([0, *(len(law.states) for law in every)])
     ports, members = [], []
     for group in together:
@@ -224,8 +231,8 @@ def _assembled(scene: Scene, together: tuple[tuple[int, ...], ...]) -> System:
         row, column = ends(lines[group[0]], at, on) if own_port is None else own_port[:2]
         laws = tuple(_stack([every[i] for i in stack]) for stack in stacks.values())
         places = tuple(int(k) for i in own for k in range(first[i], first[i + 1]))
-        clock = beside.get(contacts[group[0]].shaft)
-        ports.append(Port(row, column, at, laws, on=on, places=places, clock=clock))
+        clocks = {"clock": beside.get(contacts[group[0]].shaft), "beside": stood_on.get(on)}
+        ports.append(Port(row, column, at, laws, on=on, places=places, **clocks))
         members += own
     for i, group in enumerate(together):  # sensors: ports without laws, which follow all others
         sensor, on = sensor_of(contacts[group[0]]), contacts[group[0]].on

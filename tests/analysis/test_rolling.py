@@ -67,7 +67,8 @@ def test_rest_on_two_balls(degrees):
 def test_mean_over_a_pass():
     """Between angles at which a ball begins or ceases to bear, by Gauss; the library has 256 angles."""
     scene = at(0, **TIGHT)
-    rest = rolling._Rest.of(jr.assemble(scene), scene.of(jr.RollingBearing), jnp.ones(()))
+    (bearing,) = scene.of(jr.RollingBearing)
+    rest = rolling._Rest.of(jr.assemble(scene), {0: bearing}, jnp.ones(()))
 
     @jax.jit
     def positions(shares):

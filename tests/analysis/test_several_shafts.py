@@ -177,10 +177,6 @@ def test_machines_without_a_joint_are_two():
     np.testing.assert_allclose(order(found).imag, order(wanted).imag, rtol=1e-9)
 
 
-UNEQUAL = jr.Support(at=("a", 0.5), kxx=1e5, kyy=3e5)
-rub = jr.AnnularStator(at=("a", 0.5), on="b", gap=1e-3, stiffness=1e5, friction=0.1, rim_radius=0.1)
-
-
 @pytest.mark.parametrize(
     ("build", "said"),
     [
@@ -195,14 +191,6 @@ rub = jr.AnnularStator(at=("a", 0.5), on="b", gap=1e-3, stiffness=1e5, friction=
         (lambda: jr.critical_speeds(two(ratio=0.0), by="b"), "does not turn"),
         (lambda: jr.periodic(two(), jr.AtRest()), "scenes of one shaft"),
         (lambda: jr.unbalance_response(two(), [1.0], 0.5), "must name the shaft"),
-        (
-            lambda: two(
-                jr.AnnularStator(
-                    at=("a", 0.5), on="b", gap=1e-3, stiffness=1e5, friction=0.1, rim_radius=0.1
-                )
-            ),
-            "has friction",
-        ),
     ],
 )
 def test_what_is_refused(build, said):
