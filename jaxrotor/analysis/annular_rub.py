@@ -1,6 +1,7 @@
 """Annular rub: the synchronous whirl of a rotor that slides along its ring all the way round."""
 
 from collections.abc import Callable
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -14,11 +15,14 @@ from ..core.quantities import Scalar, known
 from ..core.roots import implicit_root, sign_change
 from ..core.tables import notebook_table
 from ..effects import AnnularStator
+from ..equations.other_unbalance import force_of
 from ..equations.pencil import eigenvalues
 from ..equations.start import Continued
 from ..equations.system import System, assemble
 from ..scene import Scene
+from ..spins.base import sense_of
 from .linearized import check_linear
+from .operating_line import OperatingLine
 from .ring import RotorInRing, ring_of, sorted_roots
 
 
@@ -29,6 +33,7 @@ class AnnularRub(eqx.Module):
     """
 
     speeds: Float[Array, " k"]  # Omega [rad/s]
+    rates: Float[Array, " k"]  # of whirl, Omega of the shaft whose unbalance acts [rad/s]
     gap: Scalar  # [m]
     free: Complex[Array, " k"]  # displacement without force of the ring, at rotation angle 0 [m]
     free_growth: Float[Array, " k"]  # largest real part of the roots without contact [1/s]
@@ -58,7 +63,7 @@ class AnnularRub(eqx.Module):
 
     @property
     def phase(self) -> Float[Array, "k 2"]:
-        """Lead of the whirl at the ring over the rotation angle [rad]."""
+        """Lead of the whirl at the ring over the rotation of the shaft whose unbalance acts [rad]."""
         return jnp.angle(self.displacement)
 
     @property
@@ -87,10 +92,10 @@ class AnnularRub(eqx.Module):
             A start for `jaxrotor.simulate`, `periodic` and the like.
         """
         q = self.coordinates[case, branch]
-        return Continued(q, 1j * self.speeds[case] * q)
+        return Continued(q, 1j * self.rates[case] * q)
 
 
-def annular_rub(scene: Scene, speeds=None) -> AnnularRub:
+def annular_rub(scene: Scene, speeds=None, by: str | None = None) -> AnnularRub:
     """`|g + N q| = |z_free|`, `q = 1/k + H (1 + i f)`: synchronous full rubs, without time stepping.
 
     `H` is the receptance of the rotor at the ring for a force that turns with the shaft, with that of the
@@ -98,12 +103,15 @@ def annular_rub(scene: Scene, speeds=None) -> AnnularRub:
     is quadratic in the normal force `N`, so two rubs may coexist; they merge where
     `|z_free| |q| = g |Im q|`, the fold. The damping of the ring does not act in a circular whirl, but on
     small motions about it. The sharp law is taken: `blend` and `slip` of the ring have no effect here, as
-    they have none where depth and slip exceed them.
+    they have none where depth and slip exceed them. Of several shafts the unbalance of one whirls the
+    rotor at its speed, and that of the others is left out; `V` has the speed of the shaft in the ring,
+    and a rub exists where it has the sign of that of the rim at the gap.
 
     Args:
         scene: a rotor that is the same along every axis, in one `AnnularStator` on its axis.
         speeds: one or more speeds [rad/s], by default the scene's own. Onsets and folds are found
-            between neighbours, each to rounding.
+            between neighbours, each to rounding. Of several shafts those of the first one.
+        by: name of the shaft whose unbalance acts, where there are several, by default the first one.
 
     Returns:
         `AnnularRub`, differentiable but at onsets and folds themselves, whose speeds are differentiable.
@@ -118,7 +126,8 @@ def annular_rub(scene: Scene, speeds=None) -> AnnularRub:
     ring = ring_of(scene, "A full rub")
     check_linear(scene, speeds)
     cases = jnp.atleast_1d(jnp.asarray(scene.spin.speed if speeds is None else speeds, float))
-    found = _annular_rub(assemble(scene), ring, cases)
+    line = OperatingLine.of(scene, by)
+    found = _annular_rub(assemble(scene), ring, line, cases)
     if not (known(found.onsets) and known(found.folds)):
         return found
     ends = lambda found: (found.onsets, found.folds, found.fold_radius)
@@ -127,27 +136,32 @@ def annular_rub(scene: Scene, speeds=None) -> AnnularRub:
 
 
 @compiled_quickly
-def _annular_rub(system: System, ring: AnnularStator, speeds: Float[Array, " k"]) -> AnnularRub:
+def _annular_rub(
+    system: System, ring: AnnularStator, line: OperatingLine | None, speeds: Float[Array, " k"]
+) -> AnnularRub:
+    rotor = system, ring, line
+
     def at(speed: Scalar) -> "_Synchronous":
-        return _Synchronous.of(system, ring, speed)
+        return _Synchronous.of(*rotor, speed)
 
     def one(speed: Scalar):
         whirl = at(speed)
         return (
+            whirl.rate,
             whirl.free,
             jnp.max(_finite(eigenvalues(whirl.rotor.pencil).real)),
             *jax.vmap(whirl.branch)(jnp.array([1.0, -1.0])),
         )
 
-    free, free_growth, normal, displacement, roots, coordinates = jax.lax.map(one, speeds)
-    onsets, _ = _crossings(lambda one: one.beyond, system, ring, speeds)
-    folds, merges = _crossings(lambda one: one.discriminant, system, ring, speeds)
+    rates, *found = jax.lax.map(one, speeds)
+    onsets, _ = _crossings(lambda one: one.beyond, rotor, speeds)
+    folds, merges = _crossings(lambda one: one.discriminant, rotor, speeds)
     # Where the discriminant vanishes with a negative force, no branch in contact ends.
     force = jax.lax.map(lambda speed: at(speed).merged, jnp.where(merges, folds, speeds[0]))
     folds = jnp.where(force >= 0, folds, jnp.nan)
     radius = jnp.where(force >= 0, ring.gap + force / ring.stiffness, jnp.nan)
-    parts = free, free_growth, normal, displacement, roots, coordinates, onsets, folds, radius
-    return AnnularRub(speeds, ring.gap, *parts)
+    parts: Any = rates, ring.gap, *found, onsets, folds, radius
+    return AnnularRub(speeds, *parts)
 
 
 def _finite(values: Array) -> Array:
@@ -162,18 +176,27 @@ class _Synchronous(eqx.Module):
     unit: Complex[Array, " n"]  # response to a unit force at the ring [m/N]
     free: Complex[Array, ""]  # z_free [m]
     compliance: Complex[Array, ""]  # q [m/N]
+    rate: Scalar  # of the whirl [rad/s]
+    friction: Scalar  # of the sign of the slip
 
     @classmethod
-    def of(cls, system: System, ring: AnnularStator, speed: Scalar) -> "_Synchronous":
-        rotor = RotorInRing.of(system.at_speed(speed), ring)
-        force = system.load.unbalance_force(speed)
+    def of(
+        cls, system: System, ring: AnnularStator, line: OperatingLine | None, speed: Scalar
+    ) -> "_Synchronous":
+        system = system.at_speed(speed)
+        rotor, rate = RotorInRing.of(system, ring), speed
+        if line is not None:
+            rate = line.ratios[line.by] * speed + line.speeds[line.by]
+        if line is None or not line.by:
+            force = system.load.unbalance_force(speed)
+        else:
+            force = force_of(line.shafts[line.by], system.others, speed)
         force = jnp.zeros(system.n, complex) if force is None else force
         both = jnp.stack([force, rotor.column + 0j], axis=1)
-        whole, unit = linalg.solve(rotor.pencil.dynamic(speed), both).T
-        slipping = jnp.where(speed < 0, -1.0, 1.0)
-        push = 1 + 1j * ring.friction * slipping
-        compliance = 1 / ring.stiffness + rotor.row @ unit * push
-        return cls(rotor, whole, unit, rotor.row @ whole, compliance)
+        whole, unit = linalg.solve(rotor.pencil.dynamic(rate), both).T
+        friction = ring.friction * sense_of(rotor.rim + rate * ring.gap)
+        compliance = 1 / ring.stiffness + rotor.row @ unit * (1 + 1j * friction)
+        return cls(rotor, whole, unit, rotor.row @ whole, compliance, rate, friction)
 
     @property
     def beyond(self) -> Scalar:
@@ -195,17 +218,18 @@ class _Synchronous(eqx.Module):
 
     def branch(self, sign: Scalar):
         """Normal force, displacement at the ring, roots and coordinates of a branch."""
-        ring, q, speed = self.rotor.ring, self.compliance, self.rotor.speed
+        ring, q = self.rotor.ring, self.compliance
         size = q.real**2 + q.imag**2
         under = self.discriminant
         root = jnp.sqrt(jnp.where(under > 0, under, 1.0) * size)
         normal = self.merged + sign * root / size
-        exists = (under > 0) & (normal >= 0)
+        slip = self.rotor.rim + self.rate * (ring.gap + normal / ring.stiffness)
+        exists = (under > 0) & (normal >= 0) & (slip * self.friction >= 0)
         held = jnp.where(exists, normal, 0.0)
         ahead = self.free / (ring.gap + jnp.where(exists, normal, 1.0) * q)
-        friction = ring.friction * jnp.where(speed < 0, -1.0, 1.0)
-        coordinates = self.whole - self.unit * held * (1 + 1j * friction) * ahead
-        roots = sorted_roots(self.rotor.linearised(speed, held, friction), neutral=False)
+        coordinates = self.whole - self.unit * held * (1 + 1j * self.friction) * ahead
+        motion = self.rotor.linearised(self.rate, held, self.friction)
+        roots = sorted_roots(motion, neutral=False)
         displacement = (ring.gap + held / ring.stiffness) * ahead
         found = normal, displacement, roots, coordinates
         return tuple(jnp.where(exists, part, jnp.nan) for part in found)
@@ -213,14 +237,13 @@ class _Synchronous(eqx.Module):
 
 def _crossings(
     measure: Callable[[_Synchronous], Scalar],
-    system: System,
-    ring: AnnularStator,
+    rotor: tuple[System, AnnularStator, OperatingLine | None],
     speeds: Float[Array, " k"],
 ) -> tuple[Float[Array, " i"], Bool[Array, " i"]]:
     """Zeros of a measure between neighbouring speeds, NaN where it has none, and where it has some."""
-    own = lambda speed: measure(_Synchronous.of(system, ring, speed))
-    rotor, speeds = jax.lax.stop_gradient(((system, ring), speeds))
-    held = lambda speed: measure(_Synchronous.of(*rotor, speed))
+    own = lambda speed: measure(_Synchronous.of(*rotor, speed))
+    still, speeds = jax.lax.stop_gradient((rotor, speeds))
+    held = lambda speed: measure(_Synchronous.of(*still, speed))
     values = jax.lax.map(held, speeds)
     pairs = [jnp.stack([part[:-1], part[1:]], axis=1) for part in (speeds, values)]
     order = jnp.argsort(pairs[0], axis=1)  # speeds may descend

@@ -19,7 +19,6 @@ from ..equations.pencil import Pencil, eigenvalues
 from ..equations.start import Continued
 from ..equations.system import System, assemble
 from ..scene import Scene
-from ..spins.base import sense_of
 from .linearized import check_linear
 from .ring import RotorInRing, polished, ring_of, sorted_roots
 
@@ -109,7 +108,8 @@ def dry_whirl(scene: Scene, count: int = PLACES) -> DryWhirl:
     With the `slip` of the ring, friction is `f s(V / slip)`: a rim that rolls creeps by the slip that its
     friction needs, and a whirl slips where that exceeds the width. What creeps is sought from the rate at
     which it would roll: a second creeping whirl of nearly saturated friction is not found. `blend` has no
-    effect; the whirl is right where the depth exceeds it.
+    effect; the whirl is right where the depth exceeds it. Of several shafts `Omega` is the speed of the
+    one in the ring, less that of one around it.
 
     Args:
         scene: a rotor that is the same along every axis, in one `AnnularStator` on its axis; its
@@ -141,11 +141,11 @@ def dry_whirl(scene: Scene, count: int = PLACES) -> DryWhirl:
 @compiled_quickly
 def _dry_whirl(system: System, ring: AnnularStator, count: int) -> DryWhirl:
     # A reversed rotor is solved as its mirror image, y for -y, so that w < 0 is against the spin.
-    sense = sense_of(system.spin.speed)
-    mirrored = lambda z: jax.lax.complex(z.real, sense * z.imag)
     rotor = RotorInRing.of(system, ring)
-    of = lambda rotor: (*jax.tree.leaves(rotor.pencil), rotor.speed)
-    rotor = eqx.tree_at(of, rotor, (*map(mirrored, of(rotor)[:-1]), sense * rotor.speed))
+    sense = rotor.sense
+    mirrored = lambda z: jax.lax.complex(z.real, sense * z.imag)
+    of = lambda rotor: (*jax.tree.leaves(rotor.pencil), rotor.rim)
+    rotor = eqx.tree_at(of, rotor, (*map(mirrored, of(rotor)[:-1]), sense * rotor.rim))
     slipping = jax.lax.map(lambda sign: _slipping(rotor, sign), jnp.array([1.0, -1.0]))
     every = jax.tree.map(lambda a, b: jnp.concatenate([*a, b]), slipping, _rolling(rotor))
     order = jnp.argsort(jnp.where(every.exists, every.rate, jnp.inf))[:count]
@@ -188,7 +188,7 @@ class _Contact(NamedTuple):
         pressed = (share > 0) & (share < 1)
         share = jnp.where(pressed, share, 0.5)
         radius = ring.gap / (1 - share)
-        slip = rotor.speed * ring.rim_radius + rate * radius
+        slip = rotor.rim + rate * radius
         return cls(stiff.imag / stiff.real, radius, ring.stiffness * share * radius, slip, pressed)
 
 
@@ -236,7 +236,7 @@ def _slipping(rotor: RotorInRing, sign: Scalar) -> _Whirls:
 def _rolling(rotor: RotorInRing) -> _Whirls:
     """Whirls with a rim that rolls, or creeps where the law is smoothed."""
     ring = rotor.ring
-    rim = rotor.speed * ring.rim_radius
+    rim = rotor.rim
     rates, real = _real_rates(_double_bordered(rotor, rim, ring.gap))
 
     def one(guess: Scalar):

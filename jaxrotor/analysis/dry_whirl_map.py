@@ -56,10 +56,11 @@ def _dry_whirl_map(
     def one(case):
         speed, friction = case
         found = found_at(speed, friction)
-        backward = found.rate * speed < 0
+        rim = found.slip - found.rate * found.radius
+        backward = found.rate * rim < 0
         stable = found.stable & backward
-        fastest = jnp.max(jnp.where(stable, jnp.abs(found.rate), -jnp.inf))
-        rate = jnp.where(jnp.any(stable), -jnp.sign(speed) * fastest, jnp.nan)
+        fastest = jnp.argmax(jnp.where(stable, jnp.abs(found.rate), -jnp.inf))
+        rate = jnp.where(jnp.any(stable), found.rate[fastest], jnp.nan)
         rolls, slips = jnp.any(stable & found.rolling), jnp.any(stable & ~found.rolling)
         return rolls, slips, jnp.any(backward), rate
 

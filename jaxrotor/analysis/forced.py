@@ -13,6 +13,7 @@ from ..core.quantities import Scalar, known, nonnegative, real
 from ..core.tables import RPM, largest_rows, notebook_table
 from ..effects import AbstractBodies, AbstractContact, Disc
 from ..effects.layout import check_one_shaft
+from ..equations.other_unbalance import force_of
 from ..equations.pencil import Pencil, check_axes, frame, isotropic
 from ..equations.rigid_motions import check_constant_load
 from ..equations.system import System, assemble, structure
@@ -263,10 +264,7 @@ def _of_unbalance(system: System):
 
 
 def _of_other(shaft: str, system: System):
-    """Unbalance of a shaft beside the first one."""
-    own = [one for one in system.others if one.name == shaft]
-    loads = [one.clock.speed(system.spin.speed) ** 2 * one.column for one in own]
-    return loads[0] if loads else None, None
+    return force_of(shaft, system.others, system.spin.speed), None
 
 
 def _of_weight(system: System):

@@ -16,10 +16,11 @@ from jaxtyping import Array, Bool, Complex, Float
 
 from ..core.quantities import Scalar, known
 from ..effects import AbstractBodies, AbstractContact, AnnularStator
-from ..effects.layout import check_one_shaft
+from ..effects.law import Now
 from ..equations.pencil import Pencil, check_alike, check_moves, eigenvalues
 from ..equations.system import System, structure
 from ..scene import Scene
+from ..spins.base import sense_of
 
 
 NEWTON = 4  # iterations that polish a root
@@ -34,13 +35,17 @@ class RotorInRing(eqx.Module):
     row: Float[Array, " n"]
     column: Float[Array, " n"]
     ring: AnnularStator
-    speed: Scalar  # [rad/s]
+    rim: Scalar  # speed at which the centred rim slips along the ring [m/s]
+    sense: Scalar  # -1 where the shaft in the ring turns backward, else 1
 
     @classmethod
     def of(cls, system: System, ring: AnnularStator) -> "RotorInRing":
         """The parts of the equations of a scene with one ring."""
         port = system.ports[0]
-        return cls(Pencil.of(system), port.row, port.column, ring, system.spin.speed)
+        now = port.own(Now(jnp.asarray(system.spin.speed)))
+        rim = ring.law().sliding(now)
+        sense = sense_of(jnp.where(rim == 0, now.speed, rim))
+        return cls(Pencil.of(system), port.row, port.column, ring, rim, sense)
 
     def receptance(self, rate: Scalar) -> Complex[Array, ""]:
         """`row P(i rate)^-1 column`: displacement by a force that turns at `rate` [m/N]."""
@@ -143,7 +148,6 @@ def ring_of(scene: Scene, what: str) -> AnnularStator:
 
     `what` begins the message, "A full rub" for example.
     """
-    check_one_shaft(scene.shafts, what)
     rings, contacts = scene.of(AnnularStator), scene.of(AbstractContact)
     if len(rings) != 1 or len(contacts) != 1:
         raise ValueError(

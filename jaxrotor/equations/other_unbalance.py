@@ -1,5 +1,6 @@
 """Unbalance of the shafts beside the first one: a load at another clock."""
 
+from collections.abc import Sequence
 from typing import Any, ClassVar, cast
 
 import equinox as eqx
@@ -33,6 +34,14 @@ class OtherUnbalance(eqx.Module):
             )
             for column, phase in parts
         ]
+
+
+def force_of(
+    shaft: str, others: Sequence[OtherUnbalance], speed: Scalar
+) -> Complex[Array, " r"] | None:
+    """`Omega_k^2 column` of a shaft beside the first one, by the speed of that; None: it has none."""
+    loads = [one.clock.speed(speed) ** 2 * one.column for one in others if one.name == shaft]
+    return loads[0] if loads else None
 
 
 class UnbalanceLaw(AbstractSmoothLaw):

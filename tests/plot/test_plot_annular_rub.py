@@ -22,6 +22,7 @@ def rub() -> jr.AnnularRub:
     ends = {"onsets": [1.5, 3.5], "folds": [5.5], "fold_radius": [5e-3]}
     return jr.AnnularRub(
         speeds=jnp.asarray(speeds),
+        rates=jnp.asarray(speeds),
         gap=jnp.asarray(2e-3),
         free=1e-3 * jnp.array([1.0, 3.0, 2.5, 1.5, 1.2, 1.1]) + 0j,
         free_growth=jnp.full(6, -1.0),
