@@ -88,6 +88,7 @@ WHY = {
     "support.kyy": "as data sheets mean it",
     "support.cyy": "as data sheets mean it",
     "support.interpolation": "between nodes: smooth, and never beyond their values",
+    "support.speeds_of": "the shaft of its station",
     "support.rotating": "bearings stand still",
     "unbalance.phase": f"{X} of the shaft, from which angles are counted",
     "disc given by its dimensions.density": "steel",

@@ -222,6 +222,7 @@ cxx = "2e5 N s/m"                  # the same at every speed
 cyy = [1e5, 9e4, 8e4]
 hold = true                        # constant beyond the ends; false: no values there
 one_sense = true                   # for the sense of `speeds` alone; false: read at |Omega|
+speeds_of = "first"                # of several shafts; "sum" or "difference" between two of them
 """,
         """\
 [[support]]                        # a seal: tables over the frequency of whirl

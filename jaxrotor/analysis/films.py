@@ -137,7 +137,8 @@ def support_of(
         for i, j, axes in ((0, 0, "xx"), (0, 1, "xy"), (1, 0, "yx"), (1, 1, "yy")):
             numbers[letter + axes] = matrix[:, i, j] if speeds is not None else matrix[0, i, j]
     turning = bearing.turning if isinstance(bearing, AbstractFluid) else False
-    sense = {} if speeds is None else {"speeds": speeds, "one_sense": turning}
+    over = None if bearing.shaft is None else "first"
+    sense = {} if speeds is None else {"speeds": speeds, "one_sense": turning, "speeds_of": over}
     if isinstance(bearing, Seal):
         numbers["mxx"] = bearing.inertia
     where: dict[str, Any] = {"at": bearing.at, "on": bearing.on, "shaft": bearing.shaft}

@@ -15,7 +15,7 @@ from jaxtyping import Array, Float, Int
 
 from ..core import linalg
 from ..core.quantities import Scalar, known
-from ..effects.base import AbstractCoaxial
+from ..effects.base import AbstractCoaxial, AbstractOverSpeed
 from ..equations.parts import excess_gyroscopic
 from ..equations.pencil import Pencil, eigenvalues, unequal_parts
 from ..equations.system import System
@@ -49,6 +49,13 @@ class OperatingLine(eqx.Module):
             raise ValueError(
                 f"The shaft {by!r} does not turn (its ratio and speed are zero), so its unbalance has no "
                 "critical speed."
+            )
+        tables = scene.of(AbstractOverSpeed)
+        if number and any(one.synchronous or one.nodes_over_whirl is not None for one in tables):
+            raise ValueError(
+                "Unbalance of another shaft than the first one whirls at another frequency than that at "
+                "which tables over whirl are read; give their numbers at one frequency, "
+                "`support.at_whirl(frequency)`."
             )
         return cls(ratios, speeds, scene.shafts, number, tied)
 

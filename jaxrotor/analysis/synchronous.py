@@ -18,9 +18,8 @@ from ..core import linalg
 from ..core.extremes import larger
 from ..core.quantities import Scalar
 from ..core.roots import sign_change
-from ..effects.base import AbstractOverSpeed
 from ..equations.pencil import Pencil, check_axes, frame, isotropic, root_changes
-from ..equations.speed_tables import speed_range
+from ..equations.speed_tables import nodes_by_first, parts_with_tables, speed_range
 from ..equations.system import System
 
 
@@ -143,9 +142,9 @@ def _whirls(system: System, speed: Scalar, family: Array | int) -> Float[Array, 
 def _searched(system: System) -> tuple[Float[Array, " w"], bool]:
     """Speeds between which crossings are sought, and whether there are critical speeds above, too."""
     assert system.tabled is not None
-    sense, tables = system.spin.sense, system.tabled.of(AbstractOverSpeed)
+    sense, tables = system.spin.sense, parts_with_tables(system.tabled)
     span = speed_range(system.tabled, sense)
-    nodes = [one for part in tables for one in part.in_sense(sense)]
+    nodes = [one for part in tables for one in nodes_by_first(system.tabled, part, sense)]
     top = larger(jnp.max(jnp.stack([one[-1] for one in nodes])), 0.0)
     low, high = (jnp.zeros(()), top) if span is None else span
     even = jnp.linspace(low, high, SAMPLES + 1)

@@ -21,7 +21,14 @@ from ..core.quantities import Scalar, with_values
 from ..core.roots import sign_change
 from ..effects.base import AbstractOverSpeed
 from ..equations.pencil import Pencil, eigenvalues, frame, is_rounding, isotropic, unequal_parts
-from ..equations.speed_tables import has_tables, has_whirl_tables, whirl_range, within_tables
+from ..equations.speed_tables import (
+    clock_of,
+    has_tables,
+    has_whirl_tables,
+    speed_of,
+    whirl_range,
+    within_tables,
+)
 from ..equations.system import System, assemble
 from ..scene import Scene
 from ..spins import AbstractSpin
@@ -45,7 +52,8 @@ def _at_whirl(scene: Scene, frequency: ArrayLike) -> Scene:
 
 def _at_speed(scene: Scene, speed: ArrayLike) -> Scene:
     """The scene with tables over speed and whirl as tables over whirl at one speed [rad/s]."""
-    return _changed(scene, lambda support: support.at_speed(speed))
+    read = lambda support: support.at_speed(speed_of(clock_of(scene, support), speed))
+    return _changed(scene, read)
 
 
 def _changed(scene: Scene, change: Callable) -> Scene:
@@ -184,7 +192,8 @@ def _check_axes_stand(system: System) -> None:
 def _over_whirl(scene: Scene) -> System:
     """Equations at the speed of the scene, whose `blocks_at` are those at a frequency of whirl."""
     own = lambda part: isinstance(part, AbstractOverSpeed) and part.nodes_over_speed
-    read = lambda part: part.at_speed(scene.spin.speed) if own(part) else part
+    at = lambda part: speed_of(clock_of(scene, part), scene.spin.speed)
+    read = lambda part: part.at_speed(at(part)) if own(part) else part
     system = assemble(synchronous(with_values(scene, effects=tuple(map(read, scene.effects)))))
     _check_axes_stand(system)
     return system

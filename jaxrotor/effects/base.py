@@ -80,6 +80,8 @@ class AbstractOverSpeed(AbstractLinear):
     hold: eqx.AbstractVar[bool]  # whether coefficients are constant beyond the nodes
     one_sense: eqx.AbstractVar[bool]  # whether `speeds` are those of one sense of rotation
     synchronous: eqx.AbstractVar[bool]  # whether a whirl has the frequency of rotation
+    # Whose speed `speeds` are, of several shafts: "first", "sum" or "difference"; None: of its own
+    speeds_of: eqx.AbstractVar[str | None]
 
     @property
     def nodes_over_speed(self) -> tuple[Series, ...]:

@@ -42,6 +42,7 @@ from .coefficients import (
 )
 
 
+SPEEDS = ("first", "sum", "difference")
 _MEANS = ("stiffness", "anisotropy", "angle", "cross_stiffness")
 _MEANS += ("damping", "damping_anisotropy", "damping_angle", "cross_damping")
 
@@ -73,7 +74,9 @@ class Support(AbstractUnequal, AbstractOverSpeed):
     there. Tables belong to a support that does not turn. With `frequencies` in place of `speeds` they
     are over the frequency of whirl, as of a seal: each root has the coefficients at its own `|Im
     lambda|`. With both, each table has a row for every speed and a column for every frequency; it is
-    read at the speed first.
+    read at the speed first. Of several shafts `speeds` are those of the shaft at `at`. Between two of them
+    `speeds_of` says whose: "difference" is `Omega_at - Omega_on`, as of balls, "sum" is `Omega_at +
+    Omega_on`, as of an oil film. "first" is that of the first shaft of the scene, anywhere.
 
     `mxx` is the added mass of a seal, the same along x and y: `F = -m z..`, without weight.
     `angular_stiffness` and `angular_damping` hold the slope: `L = -k_a z' - c_a z'.`.
@@ -117,6 +120,8 @@ class Support(AbstractUnequal, AbstractOverSpeed):
         default=False, static=True
     )  # whether tables over `speeds` hold for the sense of these alone
     interpolation: Literal["pchip", "linear"] = eqx.field(default="pchip", static=True)
+    # Of several shafts, whose speed `speeds` are; None: of the shaft at `at`
+    speeds_of: Literal["first", "sum", "difference"] | None = eqx.field(default=None, static=True)
     mxx: Scalar = nonnegative("mxx [kg]", default=None)
     angular_stiffness: Scalar = real("angular_stiffness [N m/rad]", default=None)
     angular_damping: Scalar = nonnegative("angular_damping [N m s/rad]", default=None)
@@ -145,6 +150,12 @@ class Support(AbstractUnequal, AbstractOverSpeed):
                 f"`interpolation` must be 'pchip' or 'linear', but is {self.interpolation!r}."
             )
         check_tables(self._tables, self.speeds, self.frequencies, self.rotating)
+        if self.speeds_of not in (None, *SPEEDS):
+            raise ValueError(
+                f"`speeds_of` must be one of {SPEEDS} or None, but is {self.speeds_of!r}."
+            )
+        if self.speeds_of and self.speeds is None:
+            raise ValueError("`speeds_of` belongs to tables over `speeds [rad/s]`; leave it out.")
         if given and means:
             raise ValueError(
                 f"`{given[0]}` and `{means[0]}` belong to two different ways to describe a support; give "
@@ -200,6 +211,15 @@ class Support(AbstractUnequal, AbstractOverSpeed):
         own = {name: getattr(self, name) for name in COEFFICIENTS}
         return {name: value for name, value in own.items() if is_table(value)}
 
+    @property
+    def reason_between(self) -> str | None:
+        if self.speeds is None or self.speeds_of is not None:
+            return None
+        return (
+            'and its tables need `speeds_of`: "difference" of both, as of balls, "sum", as of a film, or '
+            '"first", that of the first shaft'
+        )
+
     def at_speed(self, speed: ArrayLike) -> "Support":
         there = self if self.speeds is None else self._at(self.read_at(speed), "speeds")
         return there.at_whirl(jnp.abs(jnp.asarray(speed))) if self.synchronous else there
@@ -218,7 +238,8 @@ class Support(AbstractUnequal, AbstractOverSpeed):
         read = INTERPOLATIONS[self.interpolation]
         found = read(place, nodes, values.reshape(-1, nodes.size)).reshape(values.shape[:-1])
         numbers: dict[str, Any] = dict(zip(tables, found, strict=True))
-        return with_values(self, **{over: None}, **numbers)
+        dropped = {over: None} | ({"speeds_of": None} if over == "speeds" else {})
+        return with_values(self, **dropped, **numbers)
 
     def refreshed(self) -> "Support":
         """Copy whose `vanishing` parts are derived from its current values."""

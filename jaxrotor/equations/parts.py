@@ -20,6 +20,7 @@ from ..effects.base import (
     AbstractUnbalance,
     Ends,
 )
+from ..effects.law import Clock
 from ..effects.layout import coaxial_shafts
 from ..effects.places import of_first_order
 from ..scene import Scene
@@ -27,7 +28,7 @@ from ..shafts.cased import line_of
 from ..shafts.line import AbstractLine
 from ..shafts.virtual import VirtualLine
 from .other_unbalance import OtherUnbalance
-from .speed_tables import at_own_speed, parts_with_tables
+from .speed_tables import at_own_speed, clock_of, parts_with_tables, speed_of
 
 
 Parts = dict[tuple[str, ...], Blocks]  # sums of blocks, by the names of the parts that add to them
@@ -72,7 +73,8 @@ def excess_gyroscopic(scene: Scene, line: AbstractLine) -> Array | None:
         if shaft.speed is not None:
             own = line_of(line, shaft.name)
             effects = [one for one in scene.of(AbstractLinear) if one.shaft == shaft.name]
-            block = sum((one.blocks(own) for one in effects), Blocks()).gyroscopic
+            blocks = (at_own_speed(scene, one).blocks(own) for one in effects)
+            block = sum(blocks, Blocks()).gyroscopic
             found += [] if block is None else [shaft.speed * block]
     return sum(found[1:], found[0]) if found else None
 
@@ -143,7 +145,8 @@ class OverSpeed(eqx.Module):
     """Blocks of a scene at any speed, with all that does not depend on it computed once."""
 
     constant: Blocks  # of all parts without tables
-    groups: tuple[tuple[AbstractOverSpeed, Ends], ...]  # effects of equal structure, and their ends
+    # Effects of equal structure, the clocks of their tables, and their ends
+    groups: tuple[tuple[AbstractOverSpeed, Clock | None, Ends], ...]
 
     @classmethod
     def of(cls, scene: Scene, line: AbstractLine, parts: Parts) -> "OverSpeed | None":
@@ -157,12 +160,15 @@ class OverSpeed(eqx.Module):
         names = set(map(scene.name_of, tabled))
         constant = sum((own for part, own in parts.items() if names.isdisjoint(part)), Blocks())
         ends_of = lambda effect: effect.ends_on(line_of(line, effect.shaft))
-        groups = map(_stack, _groups(tabled))
-        return cls(constant, tuple((own, _of_each(ends_of, own)) for own in groups))
+        groups = map(_stack, _groups([(own, clock_of(scene, own)) for own in tabled]))
+        return cls(constant, tuple((*own, _of_each(ends_of, own[0])) for own in groups))
 
     def blocks_at(self, speed: Scalar) -> Blocks:
         """Blocks at a speed [rad/s]; NaN where a table of coefficients has no value."""
-        read = lambda effect, ends: effect.at_speed(speed).blocks_between(ends)
+
+        def read(effect: AbstractOverSpeed, clock: Clock | None, ends: Ends) -> Blocks:
+            return effect.at_speed(speed_of(clock, speed)).blocks_between(ends)
+
         every = (_summed(_of_each(read, *group)) for group in self.groups)
         return sum(every, self.constant)
 
@@ -177,7 +183,7 @@ def _of_groups(
     return {tuple(map(scene.name_of, own)): _sum(own, of) for own in _groups(effects)}
 
 
-def _groups(effects: Sequence[AbstractEffect]) -> Iterable[list[AbstractEffect]]:
+def _groups(effects: Sequence[Any]) -> Iterable[list[Any]]:
     """Effects of equal structure together."""
     groups: dict[Any, list[AbstractEffect]] = {}
     for effect in effects:
@@ -187,7 +193,7 @@ def _groups(effects: Sequence[AbstractEffect]) -> Iterable[list[AbstractEffect]]
     return groups.values()
 
 
-def _stack(effects: list[AbstractEffect]) -> Any:
+def _stack(effects: list[Any]) -> Any:
     """Effects of equal structure as one whose numbers have a leading axis."""
     return jax.tree.map(lambda *leaves: jnp.stack(leaves), *effects)
 

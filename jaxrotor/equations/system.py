@@ -39,7 +39,7 @@ from .parts import (
 )
 from .port import Port, count_of, of_all, of_each
 from .rigid_motions import unheld
-from .speed_tables import has_tables, within_tables
+from .speed_tables import has_tables, within_tables, without_still_tables
 
 
 LEAST_DIGITS = 1e-4  # relative error up to which equations determine their unknowns
@@ -202,7 +202,8 @@ def assemble(scene: Scene, together: tuple[tuple[int, ...], ...] | None = None) 
     Returns:
         The equations as a `System`.
     """
-    system = _assembled(scene, port_groups(scene) if together is None else together)
+    own = without_still_tables(scene)
+    system = _assembled(own, port_groups(scene) if together is None else together)
     return dataclasses.replace(system, free=True) if unheld(scene) else system
 
 
@@ -303,7 +304,8 @@ def _owners(scene: Scene, parts: Parts) -> Iterator[tuple[str, str]]:
 
 def structure(scene: Scene, together: tuple[tuple[int, ...], ...] | None = None) -> System:
     """Blocks, loads and ports of a scene as shapes alone, without the cost of `assemble`."""
-    return _assembled.shapes(scene, port_groups(scene) if together is None else together)
+    own = without_still_tables(scene)
+    return _assembled.shapes(own, port_groups(scene) if together is None else together)
 
 
 def state_names(scene: Scene) -> dict[str, str]:

@@ -85,9 +85,13 @@ def many():
         start=0.1,
         phase=1 / 9,
     )
+    balls = jr.RollingBearing(("l p", 0.2), 9, 1e10, 1e-6, 0.03, 0.04, on="2", linear="mean")
+    tables = jr.Support(
+        at=("2", 0.2), on="l p", kxx=[1e5, 2e5], speeds=[0.0, 9.0], speeds_of="difference"
+    )
     third = jr.CoaxialShaft(jr.RigidShaft(1 / 3), start=0.5)
     shafts = {"l p": jr.FlexibleShaft(1.0, 0.02, nodes=4), "2": second, "ö": third}
-    every = (wheel, stop, *held, *joints, *ends, *along)
+    every = (wheel, stop, balls, tables, *held, *joints, *ends, *along)
     return jr.Scene(shafts, *every, spin=jr.ConstantSpeed(100 / 3))
 
 
