@@ -10,7 +10,7 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Complex, Float
+from jaxtyping import Array, Bool, Complex, Float
 
 from ..core.quantities import Scalar, known
 from ..equations.start import AbstractStart, Continued, Launch, states_of
@@ -66,16 +66,24 @@ def named_samples(scene: Scene, states: Any) -> dict[str, Float[Array, " T"]]:
 
 
 def one_way_states(scene: Scene, states: Float[np.ndarray, "T k"], *, lasting: bool = False) -> str:
-    """Names of the states that change in one sense alone, as a phrase.
-
-    `lasting`: of those that change in the last half as much as in the first, which do not settle.
-    """
-    changes = np.diff(states, axis=0)
-    half = len(changes) // 2
-    early, late = np.abs(changes[:half].sum(axis=0)), np.abs(changes[-half:].sum(axis=0))
-    found = np.all(changes >= 0, axis=0) | np.all(changes <= 0, axis=0)
-    found &= late > early / 2 if lasting else early + late > 0
+    """Names of the states that change in one sense alone, as a phrase, see `go_one_way`."""
+    found = go_one_way(states, lasting=lasting)
     return phrase(name for name, goes in zip(state_names(scene), found, strict=True) if goes)
+
+
+def go_one_way(
+    states: Float[np.ndarray, "... T k"], *, lasting: bool = False
+) -> Bool[np.ndarray, "... k"]:
+    """Whether states change in one sense alone.
+
+    `lasting`: in the last half as much as in the first, so that they do not settle.
+    """
+    changes = np.diff(states, axis=-2)
+    half = changes.shape[-2] // 2
+    parts = changes[..., :half, :], changes[..., -half:, :]
+    early, late = (np.abs(part.sum(axis=-2)) for part in parts)
+    found = np.all(changes >= 0, axis=-2) | np.all(changes <= 0, axis=-2)
+    return found & (late > early / 2 if lasting else early + late > 0)
 
 
 def check_returning(scene: Scene, states: Float[np.ndarray, "R k"]) -> None:

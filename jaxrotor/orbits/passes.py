@@ -18,6 +18,7 @@ import numpy as np
 from ..core.quantities import Scalar, known
 from ..effects.base import AbstractContact
 from ..effects.law import AbstractLaw
+from ..equations.counted import counted
 from ..equations.pencil import frame
 from ..equations.system import System, assemble, phrase
 from ..scene import Scene
@@ -36,10 +37,18 @@ class Cycle(NamedTuple):
     passes: bool
     revolutions: float | None  # in it; None where values are traced
     every: tuple[float, ...] = ()  # revolutions in a period of each law by "turns"
+    common: bool = True  # False: forces are never again what they were, see `counted`
+
+    def of(self, system: System) -> System:
+        """The system with its laws by "turns" as a motion by these periods takes them."""
+        return with_cycle(system, self.passes) if self.common else counted(system)
 
 
-def cycle_of(scene: Scene, system: System, what: str) -> Cycle:
-    """The shortest period of all forces; raises where there is none that `what` takes."""
+def cycle_of(scene: Scene, system: System, what: str, *, apart: bool = False) -> Cycle:
+    """The shortest period of all forces; raises where there is none that `what` takes.
+
+    With `apart` it also takes forces that never repeat together, by revolutions of the shaft.
+    """
     laws = {scene.name_of(one): _law(one) for one in scene.of(AbstractContact)}
     counting = {name: law.period for name, law in laws.items() if law.clock == "turns"}
     turning = {name: period for name, period in counting.items() if period is not None}
@@ -72,7 +81,10 @@ def cycle_of(scene: Scene, system: System, what: str) -> Cycle:
         )
     longest = max(moving.values())
     if not all(_whole(longest / count) for count in moving.values()):
-        raise ValueError(_apart(moving, what))
+        message, never = _apart(moving, what)
+        if apart and never:
+            return Cycle(False, 1.0, tuple(every.values()), common=False)
+        raise ValueError(message)
     if with_shaft and longest > 1 + SAME:
         raise ValueError(
             f"Beside {SHAFT}, {what} takes a period of one revolution, but all forces repeat after "
@@ -141,8 +153,8 @@ def _whole(number: float) -> bool:
     return abs(number - round(number)) <= SAME * number
 
 
-def _apart(moving: dict[str, float], what: str) -> str:
-    """Why the longest period is not a common one."""
+def _apart(moving: dict[str, float], what: str) -> tuple[str, bool]:
+    """Why the longest period is not a common one, and whether there is none at all."""
     first = max(moving, key=lambda name: moving[name])
     other = next(name for name in moving if not _whole(moving[first] / moving[name]))
     ratio = moving[other] / moving[first]
@@ -151,7 +163,8 @@ def _apart(moving: dict[str, float], what: str) -> str:
     both = near.numerator * moving[first]
     ends = "so both never do" if never else f"so both do after {both:.9g} at the earliest"
     without = "leave unbalance out, or " if SHAFT in moving else ""
-    return (
+    message = (
         f"{what} needs one period of all forces, but {other} repeats after {moving[other]:.9g} "
         f"revolutions and {first} after {moving[first]:.9g}, {ends}; {without}{_ADVICE}."
     )
+    return message, never

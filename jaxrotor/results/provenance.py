@@ -79,8 +79,8 @@ def period_of(attributes: Mapping[Any, Any]) -> float | None:
     return period if isinstance(period, float) else None
 
 
-def start_and_solver(attributes: Mapping[Any, Any]) -> tuple[AbstractStart, Any]:
-    """Start and solver of a sweep, from the attributes of its data set.
+def start_and_solver(attributes: Mapping[Any, Any], other: Any = None) -> tuple[AbstractStart, Any]:
+    """Start and solver of a sweep, or an`other` solver, from the attributes of its data set.
 
     Raises:
         ValueError: if the sweep began from another class of start, or was stepped by another solver,
@@ -100,12 +100,15 @@ def start_and_solver(attributes: Mapping[Any, Any]) -> tuple[AbstractStart, Any]
             f"A sweep from {start['class']} cannot be run again from its data set; only one from "
             f"{' or '.join(known)} can."
         )
+    begin = known[start["class"]](**_fields(start))
+    if other is not None:
+        return begin, other
     if solver["class"] != Exponential.__name__:
         raise ValueError(
             f"A sweep by {solver['class']} cannot be run again from its data set; only `Exponential` "
             "can."
         )
-    return known[start["class"]](**_fields(start)), Exponential(**_fields(solver))
+    return begin, Exponential(**_fields(solver))
 
 
 def _printed_settings(start: str, solver: str) -> tuple[dict[str, Any], dict[str, Any]]:

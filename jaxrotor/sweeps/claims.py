@@ -8,6 +8,7 @@ from jaxtyping import Bool, Complex, Float, Int
 from scipy import stats
 
 from ..orbits.lyapunov import BLOCKS, mean_and_error, taper
+from ..orbits.memory import go_one_way
 from .followed import Followed
 
 
@@ -44,7 +45,8 @@ def claims_of(
 ) -> Claims:
     """Claims about lanes that were followed, and whose ends miss themselves by `returned` after 1, 2, ..
 
-    `near` gives orbits of a period near the ends of lanes, `again` the misses of such orbits.
+    `near` gives orbits of a period near the ends of lanes, `again` the misses of such orbits. Where no
+    lane can return, `returned` is infinite, and none is sought.
     """
     growth, turned, section = map(np.asarray, followed[2:5])
     exponent, error = mean_and_error(growth.T)
@@ -61,7 +63,7 @@ def claims_of(
     motion[chaotic] = CHAOTIC
     motion[regular & (returned.min(axis=1) > CLOSED)] = QUASI_PERIODIC
     period, multiplier = np.zeros(len(growth), int), np.full(len(growth), np.nan)
-    for candidate in _candidates(returned).T:
+    for candidate in _candidates(returned).T if not np.isinf(returned).all() else ():
         tried = np.where((settling | regular) & (period == 0), candidate, 0)
         for p in np.unique(tried[tried > 0]):
             orbits = near(p)
@@ -74,6 +76,8 @@ def claims_of(
                 least = 1 + np.argmax(back, axis=1)  # of which `p` is a multiple
                 motion[here], period[here] = PERIODIC, least[here]
                 multiplier[here] = largest[here] ** (least[here] / p)
+    wearing = go_one_way(np.asarray(followed.states), lasting=True).any(axis=-1)
+    motion = np.where(wearing & (motion != PERIODIC), UNDECIDED, motion)
     motion = np.where(np.asarray(followed.outcome.ok), motion, FAILED)
     for k in np.flatnonzero(motion == PERIODIC):  # of the last periods, not of what led there
         last, former = turned[k, -period[k] :].mean(), turned[k, -2 * period[k] : -period[k]].mean()

@@ -4,7 +4,6 @@ import dataclasses
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-import diffrax as dfx
 import jax.numpy as jnp
 import numpy as np
 import xarray as xr
@@ -15,19 +14,12 @@ from ..core.checks import check_counts
 from ..core.outcome import failed, too_long
 from ..core.parallel import Threads, chunk_size, cores, first_alone
 from ..core.progress import progress as bar, segments
-from ..effects.base import AbstractContact
-from ..effects.layout import check_one_shaft
-from ..equations.system import assemble, structure
-from ..files.toml import loads
-from ..motion.base import Plan
+from ..equations.system import structure
 from ..motion.rebounds import counted
-from ..motion.revolutions import check_constant, revolution_rate
+from ..motion.revolutions import revolution_rate
 from ..orbits.lyapunov import BLOCKS
-from ..orbits.shooting import differentiable
-from ..results.provenance import check_repeatable, period_of, start_and_solver
-from ..scene import Scene
+from ..results.provenance import check_repeatable
 from ..solvers.exponential import Exponential
-from .axes import shared_ports
 from .claims import (
     CHAOTIC,
     CONFIDENCE,
@@ -42,8 +34,8 @@ from .claims import (
     quantile,
 )
 from .followed import follow, polish, returns
-from .job import STEPS_IN_SINGLE
 from .lanes import Context, Stages
+from .rerun import rerun
 
 
 def classify(
@@ -71,17 +63,23 @@ def classify(
     "transient" where it is on its way to a periodic orbit, or where its chaos ends, in the run or in a
     repeated one. What none of these can be shown for is "undecided", and so is a lane whose kind is
     another with twice the steps. Numbers are those of the finer run. Kinds are those of the map over a
-    revolution: without an unbalance, a motion with a period of its own is quasi-periodic.
+    revolution: without an unbalance, a motion with a period of its own is quasi-periodic. In rolling
+    bearings without unbalance a pass of the balls counts as a revolution; where forces are never again
+    what they were, the angle that laws count is part of the state, and no motion is periodic. A motion in
+    which a state of a law goes on in one sense, as wear does, is undecided.
 
     Chaos that has lasted for `T` revolutions may end later. Since escape from a chaotic saddle is
     exponential, the mean lifetime is above `-T / log(0.05)` with a one-sided confidence of 95 %. What is
     followed last after the further runs, which take the steps of the sweep, tells whether it has ended.
 
     Args:
-        dataset: sweep by `Exponential` at constant speed, without `carry`; only its settings are used.
+        dataset: sweep by `Exponential` at constant speed, without `carry`; only its settings are used. Of
+            laws with states or by turns, which sweeps integrate, lanes take the steps that follow from
+            their start on.
         revolutions: that are followed, 200 or more.
         longest: period that is sought [revolutions].
-        steps_per_revolution: of the steps that follow.
+        steps_per_revolution: of the steps that follow, or in a pass; more where states of laws change
+            faster.
         solver: of these, by default `Exponential(4, located=True)`; sharp stops take located steps.
         confirm: whether lanes are followed again with twice the steps.
         repeats: further runs that chaos must survive, one after another, by the steps of the sweep.
@@ -114,9 +112,7 @@ def classify(
         )
     check_repeatable(dataset, "classified", "have no revolutions to classify.")
     solver = Exponential(4, located=True) if solver is None else solver
-    first, points = _context(dataset)
-    check_one_shaft(first.scene.shafts, "`classify`")
-    context = _following(first, solver, steps_per_revolution)
+    first, context, points, turns = rerun(dataset, solver, steps_per_revolution)
     size = chunk_size(len(points), lanes_per_chunk, cores(workers))
     chunks = [np.arange(i, min(i + size, len(points))) for i in range(0, len(points), size)]
     programs = first_alone(follow), first_alone(returns), first_alone(polish)
@@ -129,58 +125,11 @@ def classify(
     lost = failed(dataset["status"].values).ravel()
     found = found._replace(motion=np.where(lost, FAILED, found.motion))
     lasted = revolutions * (2 + repeats if repeats else 1 + confirm)
-    claims = _dataset(dataset, first, found)
+    claims = _dataset(dataset, first, turns, found)
     return claims.assign_attrs(
         withdrawn=sum(part[1] for part in parts),
         lifetime_low=lasted / -np.log(1 - CONFIDENCE),
     )
-
-
-# === before the run
-
-
-def _context(dataset: xr.Dataset) -> tuple[Context, Float[np.ndarray, "l p"]]:
-    """Settings of the lanes of a data set, without observables, and the values of each."""
-    attributes, status = dataset.attrs, dataset["status"]
-    scene, (start, solver) = loads(attributes["scene"]), start_and_solver(attributes)
-    check_constant(scene, "`classify`")
-    coords = [str(name) for name in status.coords if "." in str(name)]
-    columns = {path: status[path].broadcast_like(status).values.ravel() for path in coords}
-    period = period_of(attributes)
-    steps = int(attributes["steps_per_revolution"])
-    plan = _plan(scene, columns, solver, steps)
-    settle = int(attributes["settle"]) + int(attributes["keep"])
-    lanes = scene, start, tuple(columns), plan, jnp.asarray(float(attributes["station"])), period
-    in_single = attributes["precision"] == STEPS_IN_SINGLE
-    context = Context(*lanes, (), settle, 0, in_single=in_single)
-    return context, np.column_stack(list(columns.values()))
-
-
-def _plan(scene: Scene, columns: dict[str, np.ndarray], solver: Exponential, steps: int) -> Plan:
-    """The plan of the sweep, without what its observables read."""
-    together = shared_ports(scene, {path: np.unique(values) for path, values in columns.items()})
-    return Plan(
-        solver,
-        None,
-        dfx.ForwardMode(),
-        steps,
-        steps,
-        slopes=False,
-        coordinates=False,
-        contacts=False,
-        together=together,
-        batch=True,
-    )
-
-
-def _following(context: Context, solver: Exponential, steps: int) -> Context:
-    """The context with steps whose derivatives include changes of contact."""
-    solver = differentiable(solver, assemble(context.scene))
-    several = len(context.scene.of(AbstractContact)) > 1  # of which some may never be touched
-    plan = dataclasses.replace(
-        context.plan, solver=solver, steps=steps, max_steps=steps, batch=False, contacts=several
-    )
-    return dataclasses.replace(context, plan=plan)
 
 
 # === the run
@@ -268,7 +217,11 @@ class Run(NamedTuple):
         end = tuple(map(np.asarray, self.stages.decode(shared, own, followed.y)))
         near = lambda p: self.polish(shared, own, followed.y, jnp.asarray(p))
         again = lambda y: np.asarray(self.returns(shared, own, y, self.longest))
-        found = claims_of(followed, again(followed.y), near, again)
+        own_states = structure(context.scene).state_count  # others count turns
+        seen = followed._replace(states=followed.states[..., :own_states])
+        apart = context.cycle is not None and not context.cycle.common
+        returned = np.full((len(points), 1), np.inf) if apart else again(followed.y)
+        found = claims_of(seen, returned, near, again)
         solver: Any = plan.solver
         if followed.loaded is not None:  # stops out of reach count for nothing
             members = structure(context.scene, plan.together).members
@@ -283,8 +236,10 @@ class Run(NamedTuple):
 # === data
 
 
-def _dataset(dataset: xr.Dataset, first: Context, found: Claims) -> xr.Dataset:
-    """The data set with the claims of all lanes."""
+def _dataset(
+    dataset: xr.Dataset, first: Context, revolutions: Float[np.ndarray, " l"], found: Claims
+) -> xr.Dataset:
+    """The data set with the claims of all lanes, by so many `revolutions` in what counts as one."""
     status = dataset["status"]
     of = lambda values, attrs: (status.dims, np.reshape(values, status.shape), attrs)
     if "spin.speed" in status.coords:
@@ -292,7 +247,9 @@ def _dataset(dataset: xr.Dataset, first: Context, found: Claims) -> xr.Dataset:
         rate = np.where(speeds > 0, speeds, np.nan)
     else:
         rate = float(revolution_rate(first.scene, first.period))
-    each = rate / (2 * np.pi)  # revolutions a second
+    each = rate / (2 * np.pi * revolutions)  # revolutions, or passes, a second
+    passes = first.cycle is not None and first.cycle.passes
+    one, many = ("pass", "passes") if passes else ("revolution", "revolutions")
     half, exponent = quantile() * found.error, found.exponent
     regular = np.isin(found.motion, REGULAR_KINDS)
     periodic = found.motion == PERIODIC
@@ -302,10 +259,10 @@ def _dataset(dataset: xr.Dataset, first: Context, found: Claims) -> xr.Dataset:
     half = np.where(periodic, 0.0, half)
     shown = np.where(found.motion == FAILED, np.nan, 1.0) * each
     only = lambda chosen, values: np.where(chosen, values, np.nan)
-    turns, growth = "turns about the centre in a revolution", "largest Lyapunov exponent"
+    turns, growth = f"turns about the centre in a {one}", "largest Lyapunov exponent"
     return dataset.assign(
         motion=of(found.motion.astype(np.int8), flags("kind of motion", MOTIONS)),
-        orbit_period=of(np.where(periodic, found.period, 0), about("1", "revolutions in a period")),
+        orbit_period=of(np.where(periodic, found.period, 0), about("1", f"{many} in a period")),
         multiplier=of(
             only(periodic, found.multiplier), about("1", "largest modulus of a multiplier")
         ),

@@ -5,12 +5,13 @@ from typing import NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Bool, Complex, Float, Int
 
 from ..core import linalg
 from ..core.compiled import compiled
 from ..core.outcome import Outcome
-from ..motion.base import AbstractMarch
+from ..motion.revolutions import March
 from ..orbits.lyapunov import advance_disturbed, random_disturbances
 from .observable import Turn
 
@@ -28,10 +29,11 @@ class Followed(NamedTuple):
     turned: Float[Array, "l R"]  # turns about the centre, along the spin
     section: Complex[Array, "l R"]  # displacement at the end [m]
     loaded: Bool[Array, "l k"] | None  # whether each contact ever was; None: not computed
+    states: Float[Array, "l R x"]  # of laws at the end
 
 
 class Polished(NamedTuple):
-    """Orbits near lanes; distances are over `size_of` the state."""
+    """Orbits near lanes; distances are in `sizes_of` the state."""
 
     y: Float[Array, "l m"]
     miss: Float[Array, " l"]  # distance from the state after a period
@@ -40,22 +42,22 @@ class Polished(NamedTuple):
 
 
 @compiled
-def follow(
-    shared: AbstractMarch, own: AbstractMarch, y: Float[Array, "l m"], revolutions: int
-) -> Followed:
+def follow(shared: March, own: March, y: Float[Array, "l m"], revolutions: int) -> Followed:
     """States of lanes after some revolutions, with the growth of a disturbance of each."""
     first = random_disturbances(y.shape[1], 1, 0)
 
     def lane(own, y):
         march = eqx.combine(own, shared)
+        k = march.state_count
+        size = sizes_of(march, y) if k else 1.0  # of coordinates all numbers are metres
 
         def advance(y):
-            end, window, ok = march.observe(y)
+            end, window, ok = march.observe(size * y)
             turn = Turn.of(window, jnp.zeros((), int), revolutions)
             turns = turn.s * jnp.sum(turn.turned()) / (2 * jnp.pi)
             force = window.contact_force
             loaded = None if force is None else jnp.any(force != 0, axis=0)
-            return end, (turns, turn.z[-1], loaded, ok)
+            return end / size, (turns, turn.z[-1], loaded, end[end.size - k :], ok)
 
         def one(carry, _):
             y, disturbances, good = carry
@@ -63,28 +65,26 @@ def follow(
             *kept, ok = seen
             return (y, disturbances, good & ok), (growth[0], *kept)
 
-        begin = y, first, Outcome.good()
+        begin = y / size, first, Outcome.good()
         (y, _, good), seen = jax.lax.scan(one, begin, None, length=revolutions)
-        growth, turned, section, loaded = seen
+        growth, turned, section, loaded, states = seen
         loaded = None if loaded is None else loaded.any(0)
-        return Followed(y, good, growth, turned, section, loaded)
+        return Followed(size * y, good, growth, turned, section, loaded, states)
 
     return jax.vmap(lane)(own, y)
 
 
 @compiled
-def returns(
-    shared: AbstractMarch, own: AbstractMarch, y: Float[Array, "l m"], longest: int
-) -> Float[Array, "l p"]:
-    """Distance of lanes from their state after 1, 2, .. revolutions, over `size_of` the state."""
+def returns(shared: March, own: March, y: Float[Array, "l m"], longest: int) -> Float[Array, "l p"]:
+    """Distance of lanes from their state after 1, 2, .. revolutions, in `sizes_of` the state."""
 
     def lane(own, y):
         march = eqx.combine(own, shared)
-        size = size_of(march, y)
+        sizes = sizes_of(march, y)
 
         def one(now, _):
             now, _ = march.skip(now, 1)
-            return now, linalg.norm(now - y) / size
+            return now, linalg.norm((now - y) / sizes)
 
         return jax.lax.scan(one, y, None, length=longest)[1]
 
@@ -92,9 +92,7 @@ def returns(
 
 
 @compiled
-def polish(
-    shared: AbstractMarch, own: AbstractMarch, y: Float[Array, "l m"], period: Int[Array, ""]
-) -> Polished:
+def polish(shared: March, own: March, y: Float[Array, "l m"], period: Int[Array, ""]) -> Polished:
     """Orbits `F^p(y) = y` of a `period` near lanes, by Newton's method."""
 
     def lane(own, y):
@@ -114,8 +112,8 @@ def polish(
 
         begin = y, 0 * y, y, jnp.zeros((y.size, y.size))
         x, _, miss, jacobian = jax.lax.fori_loop(0, NEWTON + 1, step, begin)
-        size = size_of(march, y)
-        return x, linalg.norm(miss) / size, linalg.norm(x - y) / size, jacobian
+        sizes = sizes_of(march, y)
+        return x, linalg.norm(miss / sizes), linalg.norm((x - y) / sizes), jacobian
 
     x, miss, shift, jacobian = jax.vmap(lane)(own, y)
     finite = jnp.isfinite(jacobian).all(axis=(1, 2), keepdims=True)
@@ -123,9 +121,18 @@ def polish(
     return Polished(x, miss, shift, jnp.abs(multipliers).max(axis=1))
 
 
-def size_of(march: AbstractMarch, y: Float[Array, " m"]) -> Float[Array, ""]:
-    """Size of a state of the march, which may be its difference from a steady motion."""
-    q, velocity = march.decode(y)
-    rest, apart = march.encode(0 * q, 0 * velocity), march.encode(0 * q + LEAST, 0 * velocity)
-    sizes = jnp.stack([linalg.norm(one) for one in (y, rest, apart - rest)])
-    return jnp.max(sizes)
+def sizes_of(march: March, y: Float[Array, " m"]) -> Float[Array, " m"]:
+    """Unit of every number of a state of the march, which may be its difference from a steady motion.
+
+    That of the rotor is one for all, that of states of laws the largest of those of one unit; angles that
+    laws count are in radians.
+    """
+    count, (q, velocity, *states) = y.size - march.state_count, march.decode(y)
+    moved = lambda by: march.encode(0 * q + by, 0 * velocity, *states)[:count]
+    rest, apart = moved(0.0), moved(LEAST)
+    size = jnp.max(jnp.stack([linalg.norm(one) for one in (y[:count], rest, apart - rest)]))
+    units = np.array(march.system.state_units)
+    alike = (units[:, None] == units).reshape(len(units), len(units))
+    largest = jnp.max(jnp.where(alike, jnp.abs(y[count:]), 0.0), axis=1, initial=0.0)
+    fixed = jnp.asarray(units == "rad", bool).reshape(len(units)) | (largest == 0)
+    return jnp.concatenate([jnp.full(count, size), jnp.where(fixed, 1.0, largest)])

@@ -24,6 +24,7 @@ from ..motion.integrated import IntegratedMarch, IntegratedPace
 from ..motion.revolutions import March, revolution_rate
 from ..motion.stepped import Stepping
 from ..motion.windows import WindowMarch
+from ..orbits.passes import Cycle, cycle_rate
 from ..scene import Scene
 from ..solvers.basis import ModalBasis, SlotBasis, modal
 from ..solvers.choice import decide_basis
@@ -48,6 +49,8 @@ class Context(eqx.Module):
     keep: int = eqx.field(static=True)
     pace: Stepping | IntegratedPace | None = None  # None: exponential steps of whole revolutions
     in_single: bool = eqx.field(static=True, default=False)  # whether steps are of single precision
+    # Periods of laws that count turns, by which a "revolution" is stepped; None: there are none
+    cycle: Cycle | None = eqx.field(static=True, default=None)
 
     @property
     def interval(self) -> float | None:
@@ -226,7 +229,7 @@ def _bases_of_equal_lanes(context: Context, points: np.ndarray) -> ModalBasis | 
 
     None where most differ, or where a decomposition costs little: of few nodes or few shapes.
     """
-    few = isinstance(getattr(context.plan.solver, "shapes", None), int)
+    few = isinstance(getattr(context.plan.solver, "shapes", None), int) or context.cycle is not None
     if context.pace is not None or few or sum(context.scene.resolution) < MANY_NODES:
         return None
     settings = context.scene, context.plan.together, context.period, context.paths
@@ -261,7 +264,7 @@ def _build_lanes(
 ) -> tuple[AbstractMarch, np.ndarray, np.ndarray]:
     """Marches, states at the start and stiffness ratios of all lanes, on the processor."""
     cpu = jax.local_devices(backend="cpu")[0]
-    paced = context.pace or context.period
+    paced = context.pace or context.cycle or context.period
     parts = (context.scene, plan, context.start, context.station, paced)
     with jax.default_device(cpu):  # small matrices, one lane after the other
         lanes, constant = _build_all(
@@ -292,7 +295,8 @@ def _build(
 ) -> tuple[AbstractMarch, Array, Float[Array, "k 2"]]:
     """March of a lane, its state at the start, and its contact stiffness ratio.
 
-    `paced` says how windows are stepped, or is the period of a revolution, see `revolution_rate`.
+    `paced` says how windows are stepped, which periods forces have, or is the period of a revolution,
+    see `revolution_rate`.
     """
     values = dict(zip(paths, point, strict=True))
     scene = _at_point(scene, paths, point)
@@ -304,6 +308,9 @@ def _build(
         march = WindowMarch.build(scene, plan, paced, start, station[None])
     elif isinstance(paced, IntegratedPace):
         march = IntegratedMarch.build(scene, plan, paced, start, station[None])
+    elif isinstance(paced, Cycle):
+        system = paced.of(assemble(scene, plan.together))
+        march = March.of(system, plan, cycle_rate(system, paced.passes), station[None])
     else:
         march = March.build(scene, plan, revolution_rate(scene, paced), station[None], basis)
     y = march.begin(start, station) if begin is None else march.encode(*begin)

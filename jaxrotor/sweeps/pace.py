@@ -100,7 +100,7 @@ def pace_of(
         check_steppable(scene, solver, system, revolutions=True)
     if controller is None:
         check_integrated(solver)
-    scenes = _extremes(scene, start, columns)
+    scenes = extremes(scene, start, columns)
     integration = _integration(scenes, start, solver, controller, most or WINDOW_STEPS)
     if times is None:
         return IntegratedPace(integration, None, period)
@@ -127,12 +127,12 @@ def _marches_all(scene: Scene, start: AbstractStart, columns, solver) -> bool:
     taken, _ = system_of_march(scene, assemble(scene), solver)
     if taken is None or not (taken.massless or taken.remainder):
         return taken is not None
-    scenes = _extremes(scene, start, columns)
+    scenes = extremes(scene, start, columns)
     others = [system_of_march(one, assemble(one), solver)[0] for one in scenes]
     return all(one is not None and one.massless == taken.massless for one in others)
 
 
-def _extremes(scene: Scene, start: AbstractStart, columns: Mapping[str, np.ndarray]) -> list[Scene]:
+def extremes(scene: Scene, start: AbstractStart, columns: Mapping[str, np.ndarray]) -> list[Scene]:
     """The scene, and with each swept number at its least, at its largest and at zero."""
     scenes = [scene]
     for path, values in columns.items():
