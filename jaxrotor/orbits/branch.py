@@ -228,10 +228,11 @@ def _value(problem: ContinuationProblem, u: Unknowns) -> float:
 
 
 def _with_twice_the_period(problem: ContinuationProblem) -> ContinuationProblem:
-    if problem.revolutions is not None:
-        return dataclasses.replace(problem, revolutions=2 * problem.revolutions)
     steps = 2 * problem.plan.steps
     plan = dataclasses.replace(problem.plan, steps=steps, max_steps=steps)
+    if problem.revolutions is not None:
+        plan = plan if problem.beats else problem.plan  # which is of one revolution
+        return dataclasses.replace(problem, plan=plan, revolutions=2 * problem.revolutions)
     images = 1 if problem.images == 1 else problem.images // math.gcd(problem.images, 2)
     turn = 2 * problem.turn
     return dataclasses.replace(problem, plan=plan, span=2 * problem.span, turn=turn, images=images)

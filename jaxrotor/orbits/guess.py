@@ -41,6 +41,7 @@ class OrbitGuess(eqx.Module):
     steps: int = eqx.field(static=True)
     # Whether `revolutions` are passes, see `Cycle`:
     passes: bool = eqx.field(static=True, default=False)
+    beats: bool = eqx.field(static=True, default=False)  # whether they are beats, see `beat_of`
 
 
 def start_of(guess: Any, name: str = "guess", states: int = 0) -> AbstractStart:
@@ -153,7 +154,8 @@ def _recurrence(
     """Period [s] and turn [rad] after which a response, or a run from a start, returns."""
     if not isinstance(guess, TimeHistory):
         start = start_of(guess, states=system.state_count)
-        options = {"solver": None if system.state_count else solver, "start": start, "at": stations}
+        at = [(scene.observed, float(x)) for x in stations] if scene.shafts else stations
+        options = {"solver": None if system.state_count else solver, "start": start, "at": at}
         with pilot_run():
             guess = simulate(scene, SEARCH, steps_per_revolution, **options)
     steps = np.diff(np.asarray(guess.time)) if known(guess.time) else np.ones(1)

@@ -48,7 +48,7 @@ def parts_of(
 def state_in(march: March, y: Array) -> tuple[Array, Array, Float[Array, " k"]]:
     """Coordinates [m], velocities [m/s] and states of laws of a state at a whole revolution."""
     q, velocity, *others = march.decode(y)
-    return q, velocity, others[-1] if others else jnp.zeros(0)
+    return q, velocity, others[2] if others else jnp.zeros(0)
 
 
 def start_on(

@@ -71,6 +71,9 @@ class PeriodicOrbit(AbstractOrbit):
     solver: str = eqx.field(static=True)
     # Whether `revolutions` are passes of the balls of a bearing, or periods of another law that turns:
     passes: bool = eqx.field(static=True, default=False)
+    # Whether they are beats of shafts with unbalance, after which it returns turned:
+    beats: bool = eqx.field(static=True, default=False)
+    shaft: str | None = eqx.field(static=True, default=None)  # of its stations, of several
 
     @property
     def stable(self) -> Bool[Array, ""]:
@@ -98,6 +101,7 @@ class PeriodicOrbit(AbstractOrbit):
             kind = f"Orbit of period {float(self.period):.9g} s that turns by {degrees:.6g} degrees"
         else:
             one, many = ("pass", "passes") if self.passes else ("revolution", "revolutions")
+            one, many = ("beat", "beats") if self.beats else (one, many)
             kind = f"Orbit of {self.revolutions} {many if self.revolutions > 1 else one}"
         first = complex(self.multipliers[0])
         return (

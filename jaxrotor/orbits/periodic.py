@@ -15,8 +15,7 @@ from jaxtyping import Array, ArrayLike, Float
 from ..core.checks import check_counts
 from ..core.compiled import QUICKLY, compiled_quickly
 from ..core.progress import waiting
-from ..core.quantities import known
-from ..effects.layout import check_one_shaft
+from ..core.quantities import known, with_values
 from ..equations.start import AbstractStart
 from ..equations.system import System, assemble, port_groups
 from ..motion.history import TimeHistory
@@ -25,10 +24,11 @@ from ..motion.revolutions import March, check_constant, joined, revolution_rate
 from ..scene import Scene
 from ..solvers.choice import choose, solver_name
 from ..solvers.exponential import Exponential
+from .beat import beat_guess, check_period, check_revolutions
 from .guess import OrbitGuess, autonomous_guess, repeated_guess, revolutions_of
 from .memory import named_samples, one_way_states, parts_of, start_on
 from .orbit import OrbitError, PeriodicOrbit, winding_angle
-from .passes import cycle_of, with_cycle
+from .passes import Cycle, cycle_of, with_cycle
 from .shooting import (
     NewtonByTrial,
     Shooting,
@@ -44,6 +44,7 @@ def periodic(
     guess: TimeHistory | PeriodicOrbit | AbstractStart,
     *,
     revolutions: int | None = None,
+    beats: int | None = None,
     turn: ArrayLike | None = None,
     period: ArrayLike | None = None,
     steps_per_revolution: int = 256,
@@ -62,18 +63,24 @@ def periodic(
     itself one period later. The Jacobian is that of the steps themselves, jumps at changes of contact
     included, and its eigenvalues are the multipliers. States of laws, as of the controller of a
     `MagneticBearing`, return with it, and have multipliers too. With unbalance, `T` is a number of
-    `revolutions` and `turn` is 0. In rolling bearings without unbalance, `T` is a number of passes of
-    their balls, by `2 pi / balls` of the cage. Else, without unbalance, `T` is unknown and, where stops
-    at equal angles leave a scene as it is when rotated, an orbit may return rotated.
+    `revolutions` and `turn` is 0. With unbalance of several shafts it is a number of `beats`, after which
+    the angles between them are what they were and an orbit returns turned, whatever their ratio; where it
+    does not, see `torus`. In rolling bearings without unbalance, `T` is a number of passes of their
+    balls, by `2 pi / balls` of the cage. Else, without unbalance, `T` is unknown and, where stops at
+    equal angles leave a scene as it is when rotated, an orbit may return rotated.
 
     Args:
         scene: the rotor, at constant speed.
         guess: end of a `TimeHistory`, another orbit, or any start. Without unbalance it must be near its
-            orbit already: a start is first simulated for 8 revolutions.
+            orbit already: a start is first simulated for 8 revolutions. Of a motion of several shafts
+            the sample nearest to their first angles is taken, turned back.
         revolutions: in a period, by default 1 in a scene with unbalance. Given for a scene without one
             they are the period, for a rotor that comes to rest under its loads. In rolling bearings
             without unbalance they count passes, by default 1; with unbalance a revolution must be a
             whole number of passes.
+        beats: in a period of a scene in which several shafts have unbalance, by default 1 unless
+            `revolutions` are given, in which all of them must make whole turns. Where it is one shaft
+            beside the first, they are its revolutions.
         turn: rotation [rad] that leaves the scene as it is, by which the orbit returns after a period;
             whole turns do not matter. By default it is estimated from the guess.
         period: of a scene without unbalance [s], near that of the orbit; by default it is estimated
@@ -106,31 +113,17 @@ def periodic(
 
     Source: Parker, Chua (1989), Practical Numerical Algorithms for Chaotic Systems, sections 5.2, 5.3.
     """
-    check_one_shaft(scene.shafts, "`periodic`")
     solver = Exponential(4, located=True) if solver is None else solver
     check_counts(steps_per_revolution=steps_per_revolution, max_iterations=max_iterations)
     check_constant(scene, "`periodic`", memory=True)
-    stations, together = scene.stations(at), port_groups(scene)
+    (scene, stations), together = scene.to_simulate(at, in_time=False), port_groups(scene)
     system = assemble(scene, together)
     cycle = cycle_of(scene, system, "`periodic`")
     system = with_cycle(system, cycle.passes)
     solver = differentiable(solver, system)
-    if revolutions is None and turn is None and period is None:
-        revolutions = revolutions_of(scene, system, guess)
-    if revolutions is None:
-        first = autonomous_guess(
-            scene, system, guess, turn, period, steps_per_revolution, solver, stations
-        )
-    else:
-        check_counts(revolutions=revolutions)
-        if turn is not None or period is not None:
-            raise ValueError(
-                "`revolutions` are the period, so they go without `turn` and `period`, which are for "
-                "scenes without unbalance."
-            )
-        revolution_rate(scene, None)  # raises at rest
-        steps = steps_per_revolution, stations
-        first = repeated_guess(system, guess, cycle, revolutions, *steps)
+    options = revolutions, beats, turn, period
+    first = _guess(scene, system, cycle, guess, options, steps_per_revolution, solver, stations)
+    revolutions = None if first.beats else first.revolutions
     finder = NewtonByTrial(tolerance, tolerance) if finder is None else finder
     chosen: Any = choose(solver, system, first.rate, first.start)
     settings = chosen, together, finder, tolerance
@@ -157,6 +150,45 @@ def periodic(
     )
     repeated = find(scene, system, stations, finer, *settings, max_iterations)
     return dataclasses.replace(found, error=_changes(found, repeated))
+
+
+def _guess(
+    scene: Scene,
+    system: System,
+    cycle: Cycle,
+    guess: Any,
+    options: tuple[Any, Any, Any, Any],
+    steps_per_revolution: int,
+    solver: Exponential,
+    stations: Array,
+) -> OrbitGuess:
+    """The guess of an orbit by what is asked for its period: revolutions, beats, turn and period."""
+    revolutions, beats, turn, period = options
+    if system.others:
+        check_period(*options)
+        if revolutions is None:
+            counts = 1 if beats is None else beats, steps_per_revolution
+            return beat_guess(scene, system, guess, *counts, stations)
+    elif beats is not None:
+        raise ValueError(
+            "`beats` are for scenes in which a shaft beside the first one has unbalance; give "
+            "`revolutions`."
+        )
+    elif revolutions is None and turn is None and period is None:
+        revolutions = revolutions_of(scene, system, guess)
+    if revolutions is None:
+        steps = steps_per_revolution, solver, stations
+        return autonomous_guess(scene, system, guess, turn, period, *steps)
+    check_counts(revolutions=revolutions)
+    if turn is not None or period is not None:
+        raise ValueError(
+            "`revolutions` are the period, so they go without `turn` and `period`, which are for scenes "
+            "without unbalance."
+        )
+    revolution_rate(scene, None)  # raises at rest
+    if system.others:
+        check_revolutions(scene, system, revolutions)
+    return repeated_guess(system, guess, cycle, revolutions, steps_per_revolution, stations)
 
 
 def _failure(
@@ -199,7 +231,8 @@ def _find(
     max_iterations: int,
 ) -> PeriodicOrbit:
     plan = plan_of(solver, together, guess.steps)
-    period = guess.span, guess.turn, guess.start, guess.revolutions
+    counted = 1 if guess.beats else guess.revolutions
+    period = guess.span, guess.turn, guess.start, counted
     shooting = Shooting.near(system, plan, stations, guess.rate, *period)
     root = optx.root_find(
         shooting_residual,
@@ -235,12 +268,14 @@ def _find(
         iterations=root.stats["num_steps"],
         converged=converged,
         unresolved=shot.outcome.unresolved,
-        scene=scene,
+        scene=with_values(scene, observed=None),
         error=None,
         revolutions=guess.revolutions,
         steps=guess.steps,
         solver=solver_name(solver),
         passes=guess.passes,
+        beats=guess.beats,
+        shaft=scene.observed,
     )
 
 

@@ -18,7 +18,7 @@ from jaxtyping import Array, Complex, Float
 
 from ..core.compiled import QUICKLY
 from ..core.plane import plane
-from ..core.quantities import Scalar
+from ..core.quantities import Scalar, with_values
 from ..effects.rub import AbstractRub
 from ..equations.shared_nodes import with_shared_nodes
 from ..equations.system import System, assemble, phrase, port_groups, state_names
@@ -28,6 +28,7 @@ from ..scene import Scene
 from ..shafts.cased import same_shape
 from ..solvers.choice import choose, solver_name
 from ..solvers.exponential import Exponential
+from .beat import beat_of, checked_beat
 from .memory import named_samples, start_on, steps_for_states
 from .orbit import PeriodicOrbit, winding_angle
 from .parameter_range import AbstractRanged, ParameterRange, own, range_of
@@ -83,6 +84,7 @@ class ContinuationProblem(AbstractRanged):
     images: int = eqx.field(static=True)  # periods after which the motion closes
     # Whether `revolutions` are passes, see `Cycle`:
     passes: bool = eqx.field(static=True, default=False)
+    beats: bool = eqx.field(static=True, default=False)  # whether they are beats, see `beat_of`
 
     def system(self, s: Float[Array, " p"]) -> System:
         """The equations of motion at places `s`."""
@@ -100,8 +102,11 @@ class ContinuationProblem(AbstractRanged):
         )
         rate = cycle_rate(system, self.passes)
         normal = condition.normal if self.revolutions is None else None
-        parts = system, self.plan, stations, rate, self.span, self.turn, self.size
-        return Shooting(*parts, condition.reference, normal, self.revolutions or 1)
+        span, turn, count = self.span, self.turn, self.revolutions or 1
+        if self.beats:
+            (span, turn), count = beat_of(system, count), 1
+        parts = system, self.plan, stations, rate, span, turn, self.size
+        return Shooting(*parts, condition.reference, normal, count)
 
     def orbit(
         self, u: Float[np.ndarray, " b"], evaluation: Evaluation, iterations: int = 0
@@ -130,12 +135,14 @@ class ContinuationProblem(AbstractRanged):
             iterations=jnp.asarray(iterations),
             converged=jnp.isfinite(residual),
             unresolved=jnp.asarray(evaluation.outcome.unresolved),
-            scene=scene,
+            scene=with_values(scene, observed=None),
             error=None,
             revolutions=self.revolutions,
             steps=self.plan.steps,
             solver=solver_name(self.plan.solver),
             passes=self.passes,
+            beats=self.beats,
+            shaft=self.scene.observed,
         )
 
     def state(
@@ -221,7 +228,7 @@ def evaluation_of(
         samples,
         *clearances(problem, shooting.system, samples),
         period,
-        winding_angle(samples.displacement[:, 0], problem.turn),
+        winding_angle(samples.displacement[:, 0], shooting.turn),
         shooting.system.spin.speed,
         shooting.rate,
         outcome,
@@ -275,7 +282,8 @@ def problem_of(
                 f"`{orbit.scene.name_of(contact)}` stands on the casing {contact.on!r}, but branches "
                 "look for grazing of contacts that stand on the ground; call `periodic` value by value."
             )
-    scene = with_shared_nodes(orbit.scene, list(ranges))
+    scene = with_values(orbit.scene, observed=orbit.shaft)
+    scene = with_shared_nodes(scene, list(ranges))
     parameters = tuple(range_of(scene, path, between, name) for path, between in ranges.items())
     together = port_groups(scene)
     system = with_cycle(assemble(scene, together), orbit.passes)
@@ -289,6 +297,9 @@ def problem_of(
     modal = "modal" if basis == {"modal"} else "dense"
     chosen = Exponential(chosen.order, modal, chosen.located)
     steps = max(_steps(end, orbit) for end in (scene, *ends))
+    if orbit.beats:
+        spans = [_span_of_beats(one, orbit) for one in (scene, *ends)]
+        steps = math.ceil(steps * max(spans) / spans[0])
     plan = plan_of(chosen, together, steps)
     rate = float(cycle_rate(system, orbit.passes))
     autonomous = orbit.revolutions is None
@@ -321,6 +332,7 @@ def problem_of(
         order=symmetry_order(scene, system) if autonomous and not states.size else 1,
         images=images,
         passes=orbit.passes,
+        beats=orbit.beats,
     )
     begin = [one[0] for one in along]
     x = np.concatenate([state.real, state.imag, begin]) / np.asarray(sizes)
@@ -335,6 +347,12 @@ def _steps(scene: Scene, orbit: PeriodicOrbit) -> int:
     if orbit.revolutions is not None:
         length = 2 * math.pi / cycle_rate(system, orbit.passes)
     return steps_for_states(system, orbit.steps, length)
+
+
+def _span_of_beats(scene: Scene, orbit: PeriodicOrbit) -> float:
+    """Angle of the first shaft in the beats of an orbit [rad]; raises where it does not return."""
+    assert orbit.revolutions is not None
+    return float(checked_beat(scene, assemble(scene), orbit.revolutions)[0])
 
 
 def _basis(scene: Scene, solver: Exponential, passes: bool) -> str:

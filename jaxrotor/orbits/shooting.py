@@ -21,8 +21,10 @@ from ..analysis.floquet import multipliers_of
 from ..core import linalg
 from ..core.plane import plane
 from ..core.quantities import Scalar
+from ..equations.clocks import turns_of
 from ..equations.constant_frame import steady_amplitudes
 from ..equations.lent import with_lent_films
+from ..equations.start import AtRest
 from ..equations.stationary_frame import Motion
 from ..equations.system import System
 from ..motion.base import Plan, Window
@@ -134,14 +136,27 @@ class Shooting(eqx.Module):
         """Residual of the unknowns, over `size`, and samples and outcome of every revolution."""
         march, state = self.march(x), x[: self.guess.size]
         keep = lambda carry, samples, _: (carry, OrbitSamples.of(samples))
-        y = march.encode(*self.decode(x))
+        turns = [turns_of(AtRest(), self.system)] if self.system.others else []
+        y = march.encode(*self.decode(x), *turns)
         (y, _, outcome), samples = march.collect(y, None, keep, self.revolutions)
-        back = jnp.exp(-1j * self.turn)
-        q, velocity, states = state_in(march, y)
-        change = self.encode(back * q, back * velocity, states) - state
+        change = self.encode(*self._returned(march, y)) - state
         if self.normal is not None:
             change = jnp.append(change, self.normal @ (state - self.guess))
         return change, (samples, outcome)
+
+    def _returned(
+        self, march: March, y: Array
+    ) -> tuple[Complex[Array, " n"], Complex[Array, " n"], Float[Array, " k"]]:
+        """Coordinates, velocities and states of laws at the end of a period, turned back."""
+        back = jnp.exp(-1j * self.turn)
+        if not self.system.others:
+            q, velocity, states = state_in(march, y)
+            return back * q, back * velocity, states
+        # `y` is the deviation from the response to unbalance, which has turned as the orbit has.
+        turns = turns_of(AtRest(), self.system)
+        at_start = lambda y: state_in(march, y.at[-turns.size :].set(turns))
+        (q, velocity, states), (rest, drift, _) = at_start(y), at_start(jnp.zeros_like(y))
+        return back * (q - rest) + rest, back * (velocity - drift) + drift, states
 
     def direction(self, x: Array) -> Float[Array, " m"]:
         """Unit vector along the motion in a state; not a number at rest."""
