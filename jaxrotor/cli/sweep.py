@@ -285,7 +285,8 @@ def _observables(
 ) -> tuple[AbstractObservable, ...]:
     """All observables of a scene, with the whirl spectrum if it is asked for."""
     contacts, balls = (bool(scene.of(kind)) for kind in (AbstractContact, AbstractBodies))
-    found = everything(contacts, along_times=times is not None, balls=balls)
+    drawn = {"balls": balls, "shafts": bool(scene.shafts)}
+    found = everything(contacts, along_times=times is not None, **drawn)
     if spectrum:
         one = WhirlSpectrum()
         if steps != "auto" and steps % one.samples:

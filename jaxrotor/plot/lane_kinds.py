@@ -9,6 +9,7 @@ from jaxtyping import Bool, Float, Int
 
 from ..core.outcome import STATUS, failed
 from ..files.toml import loads
+from ..sweeps.observe_regular import SETTLED
 from . import colours
 from .labels import swept, words
 
@@ -21,6 +22,7 @@ _KINDS = {  # name -> colour, in the order of the legend
     "rub, forward whirl": colours.FORWARD,
     "rub, backward whirl": colours.BACKWARD,
     "rub, undefined": colours.UNDEFINED,
+    "rub, irregular": colours.MOTIONS["chaotic"],
     "rub": colours.ORANGE,
     "forward whirl": colours.FORWARD,
     "backward whirl": colours.BACKWARD,
@@ -76,6 +78,8 @@ def kinds_of_map(dataset: xr.Dataset, dims: tuple[str, str]) -> Classes:
     rub = "rub" if "duty" in dataset else ""
     if rub:
         conditions["no contact"] = numbers(dataset, dims, "duty") == 0
+    if rub and "regularity" in dataset:
+        conditions["rub, irregular"] = ~(numbers(dataset, dims, "regularity") < SETTLED)
     if whirl is not None:
         rub = rub and f"{rub}, "
         turns = numbers(dataset, dims, whirl)

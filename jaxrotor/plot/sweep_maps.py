@@ -38,6 +38,7 @@ def sweep_map(
     * "ran away": `radius_max` exceeds a tenth of the shaft's length, where small deflections, which all
       equations assume, no longer hold;
     * "no contact": no limiter was under load in the kept revolutions (`duty` of all is 0);
+    * "rub, irregular": `regularity`, observed where there are several shafts, is not below 1e-3;
     * "rub, forward whirl", "rub, backward whirl": the orbit turns about the centre with or against the
       spin, by the sign of its `winding`, or of its precession `index` where there is no winding;
     * "rub, undefined": no net whirl (0), or a passage through the centre (NaN).

@@ -20,6 +20,7 @@ from .observable import (
     Variable as Variable,
 )
 from .observe_balls import BallLag as BallLag, Imbalance as Imbalance
+from .observe_regular import Regularity as Regularity
 from .observe_runs import Capture as Capture, Envelope as Envelope, Peak as Peak
 
 
@@ -322,7 +323,12 @@ class WhirlSpectrum(AbstractObservable):
 
 
 def everything(
-    contacts: bool = False, *, along_times: bool = False, balls: bool = False, states: bool = False
+    contacts: bool = False,
+    *,
+    along_times: bool = False,
+    balls: bool = False,
+    states: bool = False,
+    shafts: bool = False,
 ) -> tuple[AbstractObservable, ...]:
     """The default observables of a sweep: section, extrema, precession and radius.
 
@@ -331,6 +337,7 @@ def everything(
         along_times: whether the lanes are runs along times, observed by peak, envelope and radius.
         balls: whether `Imbalance` and `BallLag`, which observe balls, are among them.
         states: whether `States`, which observes states of laws, is among them.
+        shafts: whether there are several shafts, so that `Regularity` is among them.
 
     Returns:
         The observables, for `sweep(.., observe=..)`.
@@ -338,7 +345,7 @@ def everything(
     others = *[Contact()][:contacts], *[Imbalance(), BallLag()][: 2 * balls], *[States()][:states]
     if along_times:
         return Peak(), Envelope(), Radius(), *others
-    return Section(), Extrema(), Precession(), Radius(), *others
+    return Section(), Extrema(), Precession(), Radius(), *[Regularity()][:shafts], *others
 
 
 def checked_observables(
@@ -348,7 +355,8 @@ def checked_observables(
     contacts, balls = len(scene.of(AbstractContact)), bool(scene.of(AbstractBodies))
     states = bool(state_names(scene))
     if observe is None:
-        observe = everything(bool(contacts), along_times=along_times, balls=balls, states=states)
+        drawn = {"balls": balls, "states": states, "shafts": bool(scene.shafts)}
+        observe = everything(bool(contacts), along_times=along_times, **drawn)
     observe = tuple(observe) if isinstance(observe, Sequence) else (observe,)
     for one in observe:
         if not isinstance(one, AbstractObservable):
