@@ -101,7 +101,10 @@ By = Annotated[
 ]
 Period = Annotated[
     str | None,
-    typer.Option(metavar="TIME", help="Time that counts as a revolution at zero speed."),
+    typer.Option(
+        metavar="TIME",
+        help="Time that counts as a revolution at zero speed, or the shaft whose turns are counted.",
+    ),
 ]
 Steps = Annotated[
     str | None,
@@ -235,6 +238,11 @@ def count_or_auto(text: str | None, option: str) -> Any:
 def optional(text: str | None, unit: str, option: str) -> float | None:
     """The quantity of an option, None if it is left out."""
     return None if text is None else quantity(text, unit, option)
+
+
+def revolution(scene: Scene, text: str | None) -> float | str | None:
+    """The time [s] or the shaft of `--period`, None if it is left out."""
+    return text if text in scene.shafts else optional(text, "s", "--period")
 
 
 def place(scene: Scene, text: str | None) -> Any:

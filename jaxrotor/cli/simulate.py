@@ -74,7 +74,7 @@ def simulate(
     if times is None and isinstance(rotor.spin, ConstantSpeed):
         samples = options.count_or_auto(steps, "--steps") or table.get("steps_per_revolution", 256)
         asked |= {"revolutions": revolutions or REVOLUTIONS, "steps_per_revolution": samples}
-        asked |= {"keep": keep, "period": options.optional(period, "s", "--period")}
+        asked |= {"keep": keep, "period": options.revolution(rotor, period)}
     else:
         given = {"--revolutions": revolutions, "--keep": keep, "--steps": steps, "--period": period}
         options.refuse_revolutions(given)

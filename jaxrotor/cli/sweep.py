@@ -182,7 +182,7 @@ def sweep(
         "observe": _observables(rotor, spectrum, counts["steps_per_revolution"], instant),
         "solver": None if order is None else Exponential(2 if order is Order.second else 4),
         "at": options.moving_station(rotor) if at is None else options.place(rotor, at),
-        "period": options.optional(period, "s", "--period"),
+        "period": options.revolution(rotor, period),
         "workers": workers,
         "cluster": int(cluster) if cluster and cluster.isdecimal() else cluster,
         "nodes": options.count_or_auto(nodes, "--nodes"),

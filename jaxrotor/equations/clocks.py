@@ -17,8 +17,11 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, Inexact
 
 from ..core.quantities import Scalar
-from ..effects.law import Now
+from ..effects.law import Clock, Now
+from ..effects.layout import coaxial_shafts
+from ..scene import Scene
 from .other_unbalance import OtherUnbalance
+from .pencil import frame
 from .start import AbstractStart, Launch
 from .system import System
 
@@ -64,6 +67,38 @@ class Clocks(eqx.Module):
     def after(self, turns: Float[Array, "k ..."], revolutions: Array | int = 1) -> Array:
         """Turns of the clocks after some revolutions."""
         return _after(turns, self.rates, jnp.asarray(revolutions))
+
+
+def clock_of(scene: Scene, name: str) -> Clock | None:
+    """Clock of the shaft of a name, whose turns are the revolutions; None of the first one."""
+    if name not in scene.shafts:
+        known = ", ".join(scene.shafts) or "there are no names"
+        raise ValueError(
+            f"`period` must be a time [s] or the name of a shaft ({known}), but is {name!r}."
+        )
+    return next((one.clock for one in coaxial_shafts(scene.effects) if one.name == name), None)
+
+
+def counted_by(system: System, scene: Scene, period: float | str | None) -> System:
+    """The system in revolutions of a shaft that is named; the first one is then among the others."""
+    clock = clock_of(scene, period) if isinstance(period, str) else None
+    if clock is None:
+        return system
+    load = system.load
+    if (
+        frame(system.blocks) == "rotating"
+        or load.twice is not None
+        or "revolution" in system.clocks
+    ):
+        raise ValueError(
+            f"Revolutions of {period!r} are for a first shaft that is round, but parts turn with "
+            f"{scene.name!r}; leave `period` out."
+        )
+    others = system.others
+    if load.unbalance is not None:
+        others += (OtherUnbalance(Clock(jnp.ones(()), None), load.unbalance, str(scene.name)),)
+    bare = dataclasses.replace(load, unbalance=None)
+    return dataclasses.replace(system, load=bare, others=others, counted=clock)
 
 
 def since(tree: Any, turns: Float[Array, "k ..."]) -> Any:

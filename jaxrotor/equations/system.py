@@ -80,6 +80,8 @@ class System(eqx.Module):
     over_speed: OverSpeed | None = None  # see there
     # Unbalance of the shafts beside the first one; in time it acts by further ports, no contacts:
     others: tuple[OtherUnbalance, ...] = ()
+    # Of the shaft whose turns are the revolutions of a motion; None: the first one
+    counted: Clock | None = None
     # Whether laws by "turns" repeat in a revolution of the motion, see `AbstractLaw.period`:
     repeats: bool = eqx.field(static=True, default=False)
 

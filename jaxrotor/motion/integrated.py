@@ -29,7 +29,7 @@ class IntegratedPace(eqx.Module):
 
     integration: Integration
     interval: Scalar | None  # from sample to sample [s]; None: a share of a revolution
-    period: float | None = eqx.field(static=True)  # of a revolution at zero speed [s]
+    period: float | str | None = eqx.field(static=True)  # of a revolution at zero speed [s]
     first: Scalar | None = None  # time of the first sample, before which there is one window [s]
 
 

@@ -14,7 +14,7 @@ from ..core.outcome import Outcome
 from ..core.quantities import Scalar, known
 from ..effects.law import Now
 from ..effects.places import of_first_order
-from ..equations.clocks import since, turns_of
+from ..equations.clocks import clock_of, counted_by, since, turns_of
 from ..equations.constant_frame import in_constant_axes
 from ..equations.lent import with_lent_films
 from ..equations.pencil import check_moves
@@ -60,9 +60,11 @@ class March(AbstractMarch):
         rate: Scalar,
         stations: Float[Array, " s"],
         basis: ModalBasis | SlotBasis | None = None,
+        period: float | str | None = None,
     ) -> "March":
-        """Assemble a scene for a plan; `rate` is 2 pi over the length of a revolution."""
+        """Assemble a scene for a plan; `rate` is that of `revolution_rate` by the period."""
         system = dataclasses.replace(assemble(scene, plan.together), massless=plan.massless)
+        system = counted_by(system, scene, period)
         return cls.of(system, plan, rate, stations, basis=basis)
 
     @classmethod
@@ -260,7 +262,13 @@ class March(AbstractMarch):
             coordinates = displacement[:, own], velocity[:, own]
         step = 2 * jnp.pi * (1 / self.form.motion.rate) / (samples.shape[0] - 1)
         seen = displacement[:, :s], velocity[:, :s], slope, forces, coordinates
-        return Window(*seen, step, self.form.motion.s)
+        return Window(*seen, step, self._sense)
+
+    @property
+    def _sense(self) -> Scalar:
+        """Sign of the speed of the shaft whose turns are the revolutions."""
+        counted, speed = self.system.counted, self.system.spin.speed
+        return self.form.motion.s if counted is None else jnp.sign(counted.speed(speed))
 
     def forces(
         self, samples: Float[Array, "T 2 2 r ..."], states: Float[Array, "T x"] | None = None
@@ -354,9 +362,15 @@ def check_mass(scene: Scene, what: str) -> None:
         )
 
 
-def revolution_rate(scene: Scene, period: float | None) -> Scalar:
-    """2 pi over the length of a revolution [rad/s]: `|Omega|`, or at zero speed by `period` [s]."""
+def revolution_rate(scene: Scene, period: float | str | None) -> Scalar:
+    """2 pi over the length of a revolution [rad/s]: `|Omega|`, or at zero speed by `period` [s].
+
+    A period that is the name of a shaft is its turn.
+    """
     speed = scene.spin.speed
+    if isinstance(period, str):
+        clock, period = clock_of(scene, period), None
+        speed = speed if clock is None else clock.speed(speed)
     if not known(speed):
         if period is None:
             return jnp.abs(speed)

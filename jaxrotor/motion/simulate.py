@@ -16,6 +16,7 @@ from ..core.compiled import compiled
 from ..core.pilot import Pilot, refined
 from ..core.progress import waiting
 from ..core.quantities import Scalar, known
+from ..equations.clocks import counted_by
 from ..equations.pencil import unequal_parts
 from ..equations.rigid_motions import check_held
 from ..equations.speed_tables import check_tables
@@ -58,7 +59,7 @@ def simulate(
     start: AbstractStart | None = None,
     keep: int | None = None,
     at: float | Any | None = None,
-    period: float | None = None,
+    period: float | str | None = None,
     adjoint: dfx.AbstractAdjoint | None = None,
     max_steps: int | None = None,
     progress: bool | None = None,
@@ -92,7 +93,8 @@ def simulate(
         keep: number of revolutions at the end to keep, by default all.
         at: station(s) [m] to observe; by default that of the first contact, else of the first
             effect with a station, else the end of the shaft.
-        period: length [s] of a "revolution" at zero speed; not allowed otherwise.
+        period: length [s] of a "revolution" at zero speed, not allowed otherwise; or the name of a shaft
+            of several, whose turns are then the revolutions.
         adjoint: diffrax adjoint for derivatives: forward mode by default,
             `diffrax.RecursiveCheckpointAdjoint()` for reverse mode.
         max_steps: steps an adaptive solver may take, by default 4096 a revolution, or a million along
@@ -168,7 +170,8 @@ def _by_revolutions(
     """
     asked, (scene, stations) = scene, scene.to_simulate(at, in_time=False)
     groups = port_groups(scene)
-    system, why = system_of_march(scene, assemble(scene, groups), solver, start)
+    counted = counted_by(assemble(scene, groups), scene, period)
+    system, why = system_of_march(scene, counted, solver, start)
     if system is None:
         options |= {"solver": solver, "start": start, "at": at, "progress": progress}
         found = _by_times(asked, counts, revolution_rate(scene, period), options)
@@ -209,8 +212,7 @@ def _by_revolutions(
     if isinstance(plan.solver, Exponential):
         stops = Rebounds(scene, system.members, good.touched, ratio, motion["contact_force"])
         stops.check(plan.solver, in_revolutions(steps), measured=measured)
-    count = jnp.arange(keep * steps + 1)
-    angle = 2 * jnp.pi * (revolutions - keep + count / steps)
+    angle = 2 * jnp.pi * (revolutions - keep + jnp.arange(keep * steps + 1) / steps)
     coordinates, rates = motion.pop("coordinates")
     time, speed = angle / rate, jnp.broadcast_to(scene.spin.speed, angle.shape)
     return TimeHistory(
@@ -225,7 +227,7 @@ def _by_revolutions(
         states={},
         stations=stations,
         stopped=jnp.asarray(jnp.inf),
-        end=_end_of(system, begin, end, angle[-1], time[-1]),
+        end=_end_of(system, begin, end, time[-1]),
         unresolved=good.unresolved,
         scene=asked,
         solver=solver_name(plan.solver),
@@ -242,13 +244,11 @@ def _begun(system: System, start: AbstractStart) -> AbstractStart:
     return dataclasses.replace(start, shaft=shaft) if several else shaft
 
 
-def _end_of(
-    system: System, begin: Launch, end: tuple[Array, ...], angle: Scalar, time: Scalar
-) -> Launch:
+def _end_of(system: System, begin: Launch, end: tuple[Array, ...], time: Scalar) -> Launch:
     """End of a motion; the angles of several shafts follow by that of the first one and the time."""
     if not system.others:
         return Launch(Continued(*end))
-    angle = begin.angle + jnp.sign(system.spin.speed) * angle
+    angle = begin.angle + system.spin.speed * time
     return Launch(Continued(*end[:2]), angle=angle, time=begin.time + time)
 
 

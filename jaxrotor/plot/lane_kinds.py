@@ -22,7 +22,7 @@ _KINDS = {  # name -> colour, in the order of the legend
     "rub, forward whirl": colours.FORWARD,
     "rub, backward whirl": colours.BACKWARD,
     "rub, undefined": colours.UNDEFINED,
-    "rub, irregular": colours.MOTIONS["chaotic"],
+    "rub, irregular": colours.ORANGE,
     "rub": colours.ORANGE,
     "forward whirl": colours.FORWARD,
     "backward whirl": colours.BACKWARD,

@@ -68,15 +68,15 @@ def _values(dataset: xr.Dataset, place: Mapping[Any, Any]) -> dict[str, Any]:
 def _options(attributes: Mapping[str, Any]) -> dict[str, Any]:
     """Options by which lanes are run again, to keep their last `LONGEST` revolutions."""
     start, solver = start_and_solver(attributes)
-    kept = int(attributes["keep"])
-    keep = min(kept, LONGEST)
+    kept, shaft = int(attributes["keep"]), attributes.get("observed_shaft")
+    keep, at = min(kept, LONGEST), float(attributes["station"])
     return {
         "start": start,
         "solver": solver,
         "settle": int(attributes["settle"]) + kept - keep,
         "keep": keep,
         "steps_per_revolution": int(attributes["steps_per_revolution"]),
-        "at": float(attributes["station"]),
+        "at": at if shaft is None else (shaft, at),
         "period": period_of(attributes),
     }
 

@@ -18,6 +18,7 @@ from ..equations.start import AbstractStart, AtRest, Continued, Whirl
 from ..scene import Scene
 
 
+TURN = "a turn of "  # before the name of the shaft whose turns are the revolutions
 BRANCHES = ("up", "down")  # directions in which states are carried through values of a parameter
 
 
@@ -73,9 +74,11 @@ def check_repeatable(dataset: Any, done: str, along_times: str) -> None:
         )
 
 
-def period_of(attributes: Mapping[Any, Any]) -> float | None:
+def period_of(attributes: Mapping[Any, Any]) -> float | str | None:
     """Length of a "revolution" [s] by which a sweep was run, None where it is that of the spin."""
     period = attributes["period"]
+    if isinstance(period, str) and period.startswith(TURN):
+        return period.removeprefix(TURN)
     return period if isinstance(period, float) else None
 
 

@@ -53,7 +53,7 @@ def checked_axes(
     scene: Scene,
     start: AbstractStart,
     over: Mapping[str, Any],
-    period: float | None,
+    period: float | str | None,
     *,
     revolve: bool = True,
 ) -> dict[str, np.ndarray]:
@@ -75,7 +75,7 @@ def checked_axes(
             raise ValueError(f"`over['{path}']` must be a list of numbers, but is {given!r}.")
         for value in {values.min(), values.max(), *values[values == 0]}:
             changed, _ = at_point(scene, start, {path: value})
-            if revolve and path == "spin.speed":
+            if revolve and (path == "spin.speed" or isinstance(period, str)):
                 revolution_rate(changed, period)
         axes[path] = values
     if "spin.speed" in axes or revolve:

@@ -19,7 +19,7 @@ from ..files.toml import dumps
 from ..motion.integrated import IntegratedPace
 from ..motion.rebounds import counted, few_steps, in_revolutions, is_pilot_run
 from ..motion.stepped import Stepping
-from ..results.provenance import BRANCHES, as_json, assumed, versions
+from ..results.provenance import BRANCHES, TURN, as_json, assumed, versions
 from ..solvers.choice import solver_name
 from ..solvers.exponential import Exponential
 from .grid import Block, Chunk
@@ -336,7 +336,8 @@ def _pace(context: Context) -> dict[str, Any]:
     """Attributes of the revolutions or of the times that are observed, and of the steps."""
     pace, steps = context.pace, context.plan.steps
     if context.interval is None:
-        period = "that of the spin" if context.period is None else float(context.period)
+        period = "that of the spin" if context.period is None else context.period
+        period = f"{TURN}{period}" if isinstance(context.period, str) else period
         return {
             "period": period,
             "settle": context.settle,

@@ -43,7 +43,7 @@ class Context(eqx.Module):
     paths: tuple[str, ...] = eqx.field(static=True)
     plan: Plan
     station: Float[Array, ""]
-    period: float | None = eqx.field(static=True)
+    period: float | str | None = eqx.field(static=True)
     observe: tuple[AbstractObservable, ...]
     settle: int = eqx.field(static=True)  # revolutions, or windows along times
     keep: int = eqx.field(static=True)
@@ -312,7 +312,8 @@ def _build(
         system = paced.of(assemble(scene, plan.together))
         march = March.of(system, plan, cycle_rate(system, paced.passes), station[None])
     else:
-        march = March.build(scene, plan, revolution_rate(scene, paced), station[None], basis)
+        rate = revolution_rate(scene, paced)
+        march = March.build(scene, plan, rate, station[None], basis, paced)
     y = march.begin(start, station) if begin is None else march.encode(*begin)
     return march, y, march.contact_stiffness_ratio
 

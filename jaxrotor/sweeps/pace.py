@@ -65,7 +65,7 @@ def pace_of(
     scene: Scene,
     start: AbstractStart,
     columns: Mapping[str, np.ndarray],
-    pacing: tuple[np.ndarray | None, float | None],
+    pacing: tuple[np.ndarray | None, Any],
     solver: Any,
     controller: Any,
     counts: tuple[Any, int | None],
@@ -113,8 +113,13 @@ def by_revolutions(scene: Scene) -> Scene:
     return with_values(scene, in_time=False) if scene.in_time else scene
 
 
-def check_carried(carry: str | None, pace: Any, scene: Scene) -> None:
-    """Raise unless states can be carried on from lane to lane."""
+def check_carried(carry: str | None, pace: Any, period: float | str | None, scene: Scene) -> None:
+    """Raise unless states can be carried on from lane to lane, and revolutions are those of a shaft."""
+    if pace is not None and isinstance(period, str) and period != scene.name:
+        raise ValueError(
+            f"Revolutions of {period!r} are for lanes by exponential steps; leave `period` out, or give "
+            "`times`."
+        )
     if carry is not None and pace is not None and "turns" in structure(scene).clocks:
         raise ValueError(
             "`carry` continues each lane at angle zero, but forces of the scene count turns "

@@ -80,7 +80,7 @@ def sweep(
     solver: Exponential | dfx.AbstractSolver | None = None,
     controller: dfx.AbstractStepSizeController | None = None,
     at: float | Any | None = None,
-    period: float | None = None,
+    period: float | str | None = None,
     lanes_per_chunk: int | None = None,
     workers: int | None = None,
     cluster: Any | None = None,
@@ -182,7 +182,7 @@ def sweep(
         pilots += (_chosen_steps(pilot_lanes(), settle + keep, tolerance, how),)
         steps = pilots[-1].setting
     pace = pace_of(scene, start, columns, (along, period), solver, controller, (steps, max_steps))
-    check_carried(carry, pace, scene)
+    check_carried(carry, pace, period, scene)
     if along is not None:
         settle, keep, steps = windows_of(along)
     elif "spin.speed" not in columns:
@@ -275,7 +275,7 @@ def _solver_of(
     solver: Any,
     pilot_lanes: Callable[[], list[tuple[Scene, AbstractStart]]],
     station: jax.Array,
-    period: float | None,
+    period: float | str | None,
     tolerance: float | int,
 ) -> tuple[Any, Massless | None, tuple[Pilot, ...]]:
     """The solver of revolutions, with as many shapes as the most demanding of a few lanes needs.

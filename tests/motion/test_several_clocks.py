@@ -154,3 +154,38 @@ def test_derivatives_by_the_ratio():
     slope = float(jax.jacfwd(end)(1.3))
     both = float(end(1.3 + 1e-5)) - float(end(1.3 - 1e-5))
     assert slope == pytest.approx(both / 2e-5, rel=1e-6)
+
+
+@pytest.mark.slow  # a program of lanes, and of a run
+@pytest.mark.parametrize("by", ["lp", "hp"])
+def test_revolutions_of_a_named_shaft(by):
+    """Whirl by the unbalance of hp alone: its index is 1 by hp, and the ratio of speeds by lp."""
+    whole = toy(1.3, 0.1)
+    alone = [
+        one for one in whole.effects if not (isinstance(one, jr.Unbalance) and one.shaft == "lp")
+    ]
+    over, at = {"shafts.hp.ratio": [-1.2, 1.3]}, ("hp", 1.0)
+    run = {"settle": 600, "keep": 10, "steps_per_revolution": 64, "at": at, "period": by}
+    found = jr.sweep(whole.of_parts(*alone), over, error_sample=0, progress=False, **run)
+    speeds = np.array([-1.2, 1.3]) * 1.4 + 0.1
+    wanted = np.ones(2) if by == "hp" else speeds / 1.4
+    for name in ("index", "winding", "whirl_rate"):
+        np.testing.assert_allclose(found[name], wanted, rtol=1e-6 if name == "index" else 2e-2)
+    assert found.attrs["observed_shaft"] == "hp"
+    # Both unbalances, through contact, at the same instants:
+    scene = toy(1.3, 0.1, *CUBIC)
+    run = {"at": at, "start": launched(), "solver": jr.Exponential(order=4)}
+    motion = jr.simulate(scene, 3, 128, period=by, **run)
+    assert motion.time[-1] == pytest.approx(3 * 2 * np.pi / (1.4 if by == "lp" else 1.92))
+    wanted = jr.run_up(scene, motion.time[::128], **run | {"solver": dfx.Dopri8()}, controller=FINE)
+    np.testing.assert_allclose(motion.displacement[::128], wanted.displacement, atol=1e-7)
+
+
+def test_what_is_refused():
+    with pytest.raises(ValueError, match="the name of a shaft"):
+        jr.simulate(toy(), 3, 64, at=("lp", 1.0), period="ip")
+    with pytest.raises(ValueError, match="parts turn with 'lp'"):
+        jr.simulate(toy(1.3, None, *TURNING), 3, 64, at=("lp", 1.0), period="hp")
+    with pytest.raises(ValueError, match="lanes by exponential steps"):
+        over = {"spin.speed": [1.0, 1.4]}
+        jr.sweep(toy(), over, at=("lp", 1.0), period="hp", solver=dfx.Dopri8(), progress=False)
