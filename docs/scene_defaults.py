@@ -90,6 +90,7 @@ WHY = {
     "support.interpolation": "between nodes: smooth, and never beyond their values",
     "support.speeds_of": "the shaft of its station",
     "support.rotating": "bearings stand still",
+    "unbalance.since": "from the beginning on",
     "unbalance.phase": f"{X} of the shaft, from which angles are counted",
     "disc given by its dimensions.density": "steel",
     "disc given by its dimensions.bore": "solid",

@@ -158,7 +158,8 @@ density = "7850 kg/m^3"
     "thin disc": ['[disc]\nat = "0.4 m"\nmass = "80 kg"\nradius = "300 mm"\n'],
     "unbalance": [
         '[[unbalance]]\nat = "0.4 m"\nmass = "80 kg"\neccentricity = "20 um"\nphase = "90 deg"\n',
-        '[unbalance]\nat = "0.4 m"\nmoment = "1600 g*mm"             # m e, as balancing sheets have it\n',
+        '[unbalance]\nat = "0.4 m"\nmoment = "1600 g*mm"             # m e, as balancing sheets have it\n'
+        'since = "0.2 s"                    # when a blade is lost; left out, it is there always\n',
     ],
     "unbalance given by its grade": [
         """\

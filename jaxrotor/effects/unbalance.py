@@ -18,6 +18,10 @@ class Unbalance(AbstractUnbalance):
 
     It is given by `mass` m and `eccentricity` e, or by their product, the `moment` U = m e that balancing
     machines show. `from_grade` computes it from a balance quality grade.
+
+    `since` is the time [s] at which it appears in a motion, as by a lost blade. The run is joined of runs
+    up to then and on from there, so that the jump is exact by any solver. What is steady, such as a
+    response or an orbit, has it always.
     Source: Azarov, Gouskov, Panovko (2023), force (3) of eq. (1), for constant speed.
     """
 
@@ -29,6 +33,7 @@ class Unbalance(AbstractUnbalance):
     eccentricity: Scalar = nonnegative("eccentricity [m]", default=None)
     phase: Scalar = real("phase [rad]", default=0.0)
     moment: Scalar = nonnegative("moment [kg m]", default=None)
+    since: Scalar = nonnegative("since [s]", default=None)
 
     def __check_init__(self):
         product = (self.mass is not None, self.eccentricity is not None)

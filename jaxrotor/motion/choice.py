@@ -26,6 +26,7 @@ from ..solvers.control import step_control
 from ..solvers.exponential import Exponential
 from ..spins.constant import ConstantSpeed
 from ..spins.drive import Drive
+from .pieces import appearing
 
 
 RIGID = 2  # coordinates, up to which balls and drives leave an explicit solver as quick
@@ -41,6 +42,8 @@ def system_of_march(
 ) -> tuple[System | None, str]:
     """The equations as a `March` takes them by whole revolutions, None to integrate them; and why."""
     named, chosen = isinstance(solver, Exponential), solver is None
+    if appearing(scene):
+        return None, "since unbalance appears during it"
     if system.races:
         return None, f"since balls ({system.owners_of('bodies')}) move with the rotor"
     if remembering := system.laws_with(has_memory):

@@ -35,6 +35,7 @@ from ..shafts.influence import Influence
 from ..shafts.virtual import VirtualLine
 from ..spins.base import Turning
 from .history import TimeHistory
+from .pieces import check_always
 
 
 Act = Callable[[Kinematics], tuple[Array, Array]]  # forces and moments, in the axes of the shaft
@@ -140,6 +141,8 @@ def reactions(response: TimeHistory) -> Reactions:
     Source: course project of `turbine-run-up`, Newton-Euler equations (9) with its errata.
     """
     check_one_shaft(response.scene.shafts, "`reactions`")
+    cure = "take them of a run up to then, and of one on from `motion.end`"
+    check_always(response.scene, "`reactions`", cure)
     scene = response.scene
     if owners := [scene.name_of(one) for one in scene.of(AbstractContact) if one.own_port]:
         raise ValueError(

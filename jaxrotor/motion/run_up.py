@@ -26,6 +26,7 @@ from ..solvers.exponential import Exponential
 from ..spins.drive import Drive
 from .choice import ASKED, default_solver, steps_along
 from .history import TimeHistory, named_states
+from .pieces import appearing, in_pieces
 from .rebounds import Rebounds
 from .stepped import Stepping, stepping_of, without_steps
 from .transient import Integrated, Integration, controller_for, integrate
@@ -99,6 +100,11 @@ def run_up(
     """
     times = _checked_times(times)
     launch = Launch.of(start)
+    if appearing(scene):
+        own: dict[str, Any] = {"at": at, "solver": solver, "controller": controller}
+        own |= {"substeps": substeps, "tolerance": tolerance, "adjoint": adjoint}
+        own |= {"max_steps": max_steps, "max_stops": max_stops, "progress": progress}
+        return in_pieces(run_up, scene, times, launch, own)
     asked, (scene, stations) = scene, scene.to_simulate(at)
     begun = after(scene, launch)
     if controller is None and adjoint is None:

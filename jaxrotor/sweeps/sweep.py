@@ -25,6 +25,7 @@ from ..equations.shared_nodes import with_shared_nodes
 from ..equations.start import AbstractStart
 from ..equations.system import assemble
 from ..motion.base import Plan
+from ..motion.pieces import check_always
 from ..motion.revolutions import check_constant_speed, check_weight, revolution_rate
 from ..motion.simulate import chosen_steps, with_nodes
 from ..results.provenance import chosen
@@ -167,6 +168,7 @@ def sweep(
     if along is None:
         _check_scene(scene, over)
     _check_kick(carry, kick, scene)
+    check_always(scene, "`sweep`", "run up to then, and sweep on from there, `start=motion.end`")
     _check_precision(precision)
     over = over if carry is None else with_carried_first(over, carry, error_sample or 0)
     station, scene = _station(scene, at), scene.to_simulate(at)[0]

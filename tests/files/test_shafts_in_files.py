@@ -91,7 +91,8 @@ def many():
     )
     third = jr.CoaxialShaft(jr.RigidShaft(1 / 3), start=0.5)
     shafts = {"l p": jr.FlexibleShaft(1.0, 0.02, nodes=4), "2": second, "ö": third}
-    every = (wheel, stop, balls, tables, *held, *joints, *ends, *along)
+    blade = jr.Unbalance(("2", 0.2), moment=1e-4, since=1 / 3)
+    every = (wheel, stop, blade, balls, tables, *held, *joints, *ends, *along)
     return jr.Scene(shafts, *every, spin=jr.ConstantSpeed(100 / 3))
 
 
