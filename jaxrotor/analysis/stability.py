@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from ..core.blocks import Blocks
 from ..core.checks import check_counts
 from ..core.compiled import compiled_quickly
 from ..core.progress import waiting
@@ -102,7 +103,7 @@ def _onset(system: System | OverWhirl, speeds: Any, sign: Any, samples: int, thr
     refusals = [
         ((sign != sign).any(), why_unknown(isinstance(system, OverWhirl))),
         (marginal & getattr(system, "free", False), "The rotor is free, and no motion grows,"),
-        (marginal, "The rotor has no damping, so it is neither stable nor unstable,"),
+        (marginal, f"{_undamped(system.blocks)}, so it is neither stable nor unstable,"),
         (sign[slowest[0]] > 0, "The rotor is unstable already at the lowest speed,"),
         (~rising.any(), "The rotor never loses its stability"),
     ]
@@ -123,6 +124,14 @@ def _onset(system: System | OverWhirl, speeds: Any, sign: Any, samples: int, thr
         return found
     none = jnp.any(jnp.stack([wrong for wrong, _ in refusals]))
     return Onset(*(jnp.where(none, jnp.nan, part) for part in found))
+
+
+def _undamped(blocks: Blocks) -> str:
+    """Why a rotor is neither stable nor unstable: nothing damps it, or not all of its modes."""
+    parts = blocks.damping, blocks.fixed_damping, blocks.rotating_damping, blocks.hysteretic
+    if any(part is not None and not (known(part) and not np.any(part)) for part in parts):
+        return "Some modes of the rotor have no damping beyond rounding"
+    return "The rotor has no damping"
 
 
 def _outward(speeds: Any, signs: Any) -> tuple[Any, Any]:

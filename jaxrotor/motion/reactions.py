@@ -15,7 +15,7 @@ from ..core.compiled import compiled
 from ..core.plane import direction
 from ..core.quantities import known
 from ..core.tables import largest_rows, notebook_table
-from ..effects import AbstractContact, Coupling, Support
+from ..effects import AbstractContact, Coupling, Gravity, OldhamCoupling, Support
 from ..effects.layout import check_one_shaft
 from ..equations.forces import (
     applied_force,
@@ -116,6 +116,8 @@ def reactions(response: TimeHistory) -> Reactions:
 
         support      F = -(k z + c z. .. + m z..),   L = -(k_a z' + c_a z'.),   `of` a casing: on that
         coupling     F = k u + k anisotropy exp(2 i psi) u*,   likewise moments by slopes
+        Oldham's     F = m (Omega^2 - i Omega. / 2) d* exp(2 i psi) - m (Omega^2 + i Omega. / 2) d
+                         + (W - W* exp(2 i psi)) / 2
         constraint   F_k = Int phi_k (m z.. - loads) dx + ..,   phi_k its influence line
 
     The reaction of a constraint is minus the work of all loads and inertia forces on the displacement
@@ -151,7 +153,7 @@ def reactions(response: TimeHistory) -> Reactions:
         )
     instants = response.instants
     force, moment, static, static_moment, constraints = _all(scene, assemble(scene), instants)
-    names = [scene.name_of(effect) for effect in (*scene.of(Support), *scene.of(Coupling))]
+    names = [scene.name_of(effect) for effect in (*scene.of(Support), *_couplings(scene))]
     names += [f"constraints.{i}" for i in constraints]
     if response.contact_force is not None:
         contacts = scene.of(AbstractContact)
@@ -177,7 +179,8 @@ def _all(scene: Scene, system: System, instants: Kinematics):
     """Forces, moments, both of the rotor at rest, and the numbers of the constraints."""
     transient = Transient.of(scene, jnp.ones(()), jnp.zeros(()), system=system)
     parts = [_support(transient.system, support) for support in scene.of(Support)]
-    parts += [_coupling(transient.system, coupling) for coupling in scene.of(Coupling)]
+    weights = scene.of(Gravity)
+    parts += [_coupling(transient.system, one, weights) for one in _couplings(scene)]
     influence, constraints = scene.shaft.influence(), ()
     if influence is not None:
         constraints = tuple(dict.fromkeys(influence.owners))
@@ -214,11 +217,18 @@ def _support(system: System, support: Support) -> Act:
     return act
 
 
-def _coupling(system: System, coupling: Coupling) -> Act:
-    """Force and moment of a coupling on the shaft, in its axes."""
+def _couplings(scene: Scene) -> tuple[Coupling | OldhamCoupling, ...]:
+    """Couplings of both kinds, in the order of the reactions."""
+    return *scene.of(Coupling), *scene.of(OldhamCoupling)
+
+
+def _coupling(
+    system: System, coupling: Coupling | OldhamCoupling, weights: tuple[Gravity, ...]
+) -> Act:
+    """Force and moment of a coupling on the shaft, in its axes, and the share of its weight."""
     line = VirtualLine.resultant(system.line, coupling.at)
     blocks = coupling.blocks(line)
-    load = coupling.load(line, blocks)
+    load = sum((one.load(line, blocks) for one in weights), coupling.load(line, blocks))
 
     def act(now: Kinematics):
         force, moment = applied_force(load, now) - resistance(blocks, now)

@@ -211,6 +211,28 @@ def test_reactions_of_a_coupling():
     np.testing.assert_allclose(found.moment[:, 0], of(2e4, away), rtol=1e-9)
 
 
+def test_reactions_of_a_floating_disc():
+    """`-(m c.. - W)` half by half: what a slot holds of the disc's inertia and weight, across itself."""
+    weight, disc, angle = -1j * 9.81, 1.5, 0.3
+    pins = jr.Constraint(0.0), jr.Constraint(1.0)
+    shaft = jr.FlexibleShaft(1.0, 0.04, constraints=pins, nodes=5, shear=False)
+    placed = {"offset": abs(D), "direction": np.angle(D), "angle": angle}
+    parts = jr.Disc(0.3, M), jr.Gravity(9.81), jr.OldhamCoupling(0.3, disc, **placed)
+    motion = jr.simulate(jr.Scene(shaft, *parts, spin=jr.ConstantSpeed(300.0)), 2, 16)
+    found, twice = jr.reactions(motion), np.exp(2j * (np.asarray(motion.angle) + angle))
+    c = lambda turn: (D + np.conj(D) * turn) / 2  # its centre from the axis of the shaft
+    span = 1e-4
+    ahead, behind = (c(twice * np.exp(2j * sign * span)) for sign in (1, -1))
+    needed = disc * (300.0**2 * (ahead - 2 * c(twice) + behind) / span**2 - weight)
+    # The slot along psi holds what is across it, i.e. (f - f* exp(2 i psi)) / 2 of a force f.
+    held = -(needed - np.conj(needed) * twice) / 2
+    np.testing.assert_allclose(
+        found.of("oldham_coupling"), held, rtol=0, atol=1e-5 * abs(held).max()
+    )
+    still = disc * (weight - np.conj(weight) * np.exp(2j * angle)) / 2
+    np.testing.assert_allclose(found.static[0], still, rtol=1e-12)
+
+
 @pytest.mark.slow
 def test_sweep_steps_lanes_by_the_same_loads():
     rotor = machine(150.0, jr.Limiter(0.5, 0.4, 5e-5, 4e5, 40.0))
