@@ -26,6 +26,7 @@ from ..equations.pencil import (
 )
 from ..equations.system import System, assemble
 from ..scene import Scene
+from ..shafts.cased import line_of
 from ..shafts.virtual import VirtualLine
 from ..spins.base import sense_of
 from .linearized import check_linear
@@ -42,8 +43,8 @@ STRAIGHT = 0.2
 class Modes(eqx.Module):
     """Natural motions `z(x, t) = shape(x) exp(lambda t) + conj(counter(x) exp(lambda t))`.
 
-    There are `m` modes at `x` stations. `z` is in fixed axes, or, if `frame` is "rotating", in axes
-    that turn with the shaft.
+    There are `m` modes at `x` stations, of several shafts at those of one after the other. `z` is in
+    fixed axes, or, if `frame` is "rotating", in axes that turn with the shaft.
     """
 
     values: Complex[Array, " m"]  # lambda [rad/s]
@@ -53,6 +54,8 @@ class Modes(eqx.Module):
     stations: Float[Array, " x"]  # [m]
     speed: Scalar  # Omega [rad/s]
     frame: Frame = eqx.field(static=True)
+    # Name and number of stations of each shaft, in their order; none of a scene of one shaft
+    shafts: tuple[tuple[str, int], ...] = eqx.field(static=True, default=())
 
     def _repr_html_(self) -> str:
         parts = (self.fixed_values, self.damping_ratio, self.forward)
@@ -191,7 +194,7 @@ def modes(scene: Scene, count: int | None = None, points: int = 101) -> Modes:
     Args:
         scene: the rotor.
         count: number of the slowest modes to return, by default all; it decides nodes as in `roots`.
-        points: number of stations.
+        points: number of stations on each shaft.
 
     Returns:
         `Modes`. Differentiable, shapes too, with their largest component held at 1; the shapes of equal
@@ -225,8 +228,12 @@ def _modes(scene: Scene, system: System, count: int | None, points: int) -> Mode
         faster, slower = (eigenvectors(Pencil.of(system, whirl)) for whirl in (1, -1))
         values, vectors = _by_whirl(system.spin.speed, faster, slower)
     order = slowest_first(values)[:count]
-    stations = scene.shaft.seen(points)
-    rows = jax.vmap(system.line.row)(stations)
+    seen_on = lambda one: one.shaft.seen(points) + (0.0 if one.start is None else one.start)
+    each = [seen_on(one) for one in scene.placed()]
+    lines = [line_of(system.line, name) for name in scene.shafts or (None,)]
+    rows = [jax.vmap(line.row)(own) for line, own in zip(lines, each, strict=True)]
+    shafts = tuple((name, own.size) for name, own in zip(scene.shafts, each, strict=False))
+    stations, rows = map(jnp.concatenate, (each, rows))
     halves = vectors[order].reshape(-1, vectors.shape[1] // system.n, system.n)  # (m, 1 or 2, n)
     shares = inertia_shares(scene, system, halves)
     seen = halves @ rows.T  # (m, 1 or 2, x)
@@ -236,7 +243,7 @@ def _modes(scene: Scene, system: System, count: int | None, points: int) -> Mode
     counter = None if isotropic(system.blocks) else seen[:, 1]
     speed = jnp.asarray(system.spin.speed)
     axes = frame(system.blocks)
-    return Modes(values[order], seen[:, 0], counter, shares, stations, speed, axes)
+    return Modes(values[order], seen[:, 0], counter, shares, stations, speed, axes, shafts)
 
 
 def inertia_shares(

@@ -96,6 +96,7 @@ def response(
             {"kind": kind, **_at(rotor, speed, asked)}
             for kind, speed in zip(whirls.kinds, np.asarray(whirls.speeds).tolist(), strict=True)
         ]
+        nearest = _nearest(found, whole, asked["at"])
         finite = found.speeds[np.isfinite(found.amplitudes)]
         peaks = [_at(rotor, speed, asked) for speed in finite.tolist()]
         growth = growth_at(rotor, result.speeds)
@@ -105,7 +106,7 @@ def response(
         if out is not None:
             files.data(_dataset(result, growth, rotor))
             marks: dict[str, Any] = {"critical": whirls, "peaks": found}
-            marks |= {"clearance": _nearest(found, whole), "growth": growth, "operating": range_}
+            marks |= {"clearance": nearest, "growth": growth, "operating": range_}
             curves = partial(plot.response, result, **marks)
             files.picture("response.png", curves, 170, 110, rows=2)
     largest = max((one["amplitude"] or 0.0 for one in (*running, *peaks, *critical)), default=0.0)
@@ -130,7 +131,7 @@ def response(
         "unbalance of": facts.get("by"),
         "station": f"{facts.get('shaft', '')} {result.stations[0]:g} m".strip(),
         "without": ", ".join(contacts),
-        "clearance": _clearance(_nearest(found, whole), found, (LENGTHS[length], length)),
+        "clearance": _clearance(nearest, found, (LENGTHS[length], length)),
         "peak": "" if found.speeds.size else none,
         "operating": f"{text(ends, 'to')} {unit}" if ends else "",
         "2X there": ", ".join(f"{LENGTHS[length] * one:.6g} {length}" for one in twice),
@@ -203,9 +204,10 @@ def _row(one: dict[str, Any], turns: float, factor: float) -> tuple[str, ...]:
     return (speed, f"{factor * one['amplitude']:.6g}", f"{math.degrees(one['phase']):.5g}", growth)
 
 
-def _nearest(found: ResponsePeaks, whole: Scene) -> float | None:
-    """Smallest amplitude [m] that reaches a stop at the station of a response, None without one."""
-    return min(amplitudes(whole, float(np.asarray(found.response.stations)[0])), default=None)
+def _nearest(found: ResponsePeaks, whole: Scene, at: Any) -> float | None:
+    """Smallest amplitude [m] that reaches a stop `at` the station of a response, None without one."""
+    station, shaft = float(np.asarray(found.response.stations)[0]), at[0] if whole.shafts else None
+    return min(amplitudes(whole, station, shaft), default=None)
 
 
 def _clearance(least: float | None, found: ResponsePeaks, scale: tuple[float, str]) -> str:

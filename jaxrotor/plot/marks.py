@@ -71,10 +71,12 @@ def draw_operating(axes: tuple[Axes, ...], slowest: float | int, fastest: float 
 # === stops
 
 
-def stops_at(scene: Scene, at: float) -> list[AbstractRub]:
-    """Limiters and rings of a scene at a station [m]; those on a casing move, so they are left out."""
+def stops_at(scene: Scene, at: float, shaft: str | None = None) -> list[AbstractRub]:
+    """Limiters and rings at a station [m] of a shaft, None the first, but those on casings, which move."""
+    first = scene.name
+    stops = [one for one in scene.of(AbstractRub) if (one.shaft or first) == (shaft or first)]
     there = lambda stop: stop.on is None and np.isclose(float(stop.at), at, rtol=1e-9)
-    return [stop for stop in scene.of(AbstractRub) if there(stop)]
+    return [stop for stop in stops if there(stop)]
 
 
 def placing(scene: Scene, dataset: xr.Dataset) -> list[str]:
@@ -84,9 +86,9 @@ def placing(scene: Scene, dataset: xr.Dataset) -> list[str]:
     return [p for p, parts in paths.items() if parts[0] in named and parts[-1] in _PLACING]
 
 
-def amplitudes(scene: Scene, at: float) -> list[float]:
-    """Smallest `|z|` [m] that reaches each stop at a station, ascending; equal ones once."""
-    gaps = [float(stop.gap) - _offset(stop) for stop in stops_at(scene, at)]
+def amplitudes(scene: Scene, at: float, shaft: str | None = None) -> list[float]:
+    """Smallest `|z|` [m] that reaches each stop at a station of a shaft, ascending; equal ones once."""
+    gaps = [float(stop.gap) - _offset(stop) for stop in stops_at(scene, at, shaft)]
     return np.unique(np.round(np.maximum(gaps, 0.0), 12)).tolist()
 
 

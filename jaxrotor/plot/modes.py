@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from jaxtyping import Bool, Complex, Float
+from jaxtyping import Bool, Complex, Float, Int
 from matplotlib.axes import Axes
 
 from ..analysis import Modes
@@ -15,6 +15,11 @@ from .units import length_unit
 
 _MARKED = 24  # largest number of stations that are marked by points
 _LINES = {"forward": "-", "backward": "--", "mixed": "-."}
+_COLOURS = {
+    "forward": colours.FORWARD,
+    "backward": colours.BACKWARD,
+    "straight": colours.UNDEFINED,
+}
 _PHASE = np.linspace(0.0, 2 * np.pi * 11 / 12, 67)  # eleven twelfths of an orbit
 
 
@@ -24,7 +29,7 @@ def mode_shapes(modes: Modes, ax: Axes | None = None) -> Axes:
     Roots are those in fixed axes. Forward whirl is solid, backward whirl dashed, and mixed whirl, whose
     orbits are nearly straight lines, dash-dotted. A dotted curve is the imaginary part of a shape, 90
     degrees ahead in the plane of whirl; it is drawn if it exceeds 0.01. Of the two conjugate modes of a
-    rotor with unequal axes, which are one motion, one is drawn.
+    rotor with unequal axes, which are one motion, one is drawn. Shafts beside the first are thinner lines.
 
     Args:
         modes: result of `jaxrotor.modes`.
@@ -35,21 +40,23 @@ def mode_shapes(modes: Modes, ax: Axes | None = None) -> Axes:
     """
     lengths, unit = length_unit("m")
     stations = lengths * np.asarray(modes.stations, dtype=float)
-    order = np.argsort(stations)
-    at = stations[order]
     ax = page.single(ax, 140, 90)
-    mark = {"marker": "." if at.size <= _MARKED else "", "markersize": 3.5}
+    mark = {"marker": "." if stations.size <= _MARKED else "", "markersize": 3.5}
     parts = (np.asarray(part) for part in (modes.fixed_values, modes.forward, modes.shapes))
     rows = zip(*(part[_one_of_each_pair(modes)] for part in parts), strict=True)
     for number, (value, sense, shape) in enumerate(rows):
         largest = shape[np.argmax(np.abs(shape))]
-        shape = shape[order] / (largest if largest != 0 else 1.0)
+        shape = shape / (largest if largest != 0 else 1.0)
         colour, kind = colours.cycled(number), kind_of_whirl(float(sense))
         name = f"{kind} " if value.imag else ""
         style: Any = {"linestyle": _LINES[kind] if value.imag else "-", **mark}
-        page.curve(ax, at, np.real(shape), colour, f"{name}{labels.root(complex(value))}", **style)
-        if np.abs(np.imag(shape)).max() > 0.01:
-            page.curve(ax, at, np.imag(shape), colour, width=1.0, linestyle=":")
+        title, width = f"{name}{labels.root(complex(value))}", 1.2
+        for own in _of_shafts(modes):
+            at, moved = stations[own], shape[own]
+            page.curve(ax, at, np.real(moved), colour, title, width, **style)
+            if np.abs(np.imag(shape)).max() > 0.01:
+                page.curve(ax, at, np.imag(moved), colour, width=min(width, 1.0), linestyle=":")
+            title, width = None, 0.6
     page.zero(ax)
     ax.set_ylim(-1.1, 1.1)
     label = f"position along the shaft [{unit}]"
@@ -61,8 +68,8 @@ def modes3d(
 ) -> tuple[Axes, ...]:
     """Mode shapes in space: `z(x, phase) = shape exp(i phase) + conj(counter exp(i phase))`.
 
-    The dark line is the shaft at phase 0. Each orbit begins at the dot and ends before it, so the gap
-    is behind the moving dot. Its colour shows whether the shaft whirls there with the spin or against
+    The dark line is the shaft at phase 0, each of several. Each orbit begins at the dot and ends before
+    it, so the gap is behind the moving dot. Its colour shows whether the shaft whirls there with the spin or against
     it; direction and frequency are those in fixed axes.
 
     Args:
@@ -79,8 +86,7 @@ def modes3d(
     """
     values: Any = np.asarray(modes.values)
     lengths, unit = length_unit("m")
-    stations = lengths * np.asarray(modes.stations)
-    order = np.argsort(stations)
+    stations, parts = lengths * np.asarray(modes.stations), _of_shafts(modes)
     shapes = np.asarray(modes.shapes)
     counters = np.zeros_like(shapes) if modes.counter is None else np.asarray(modes.counter)
     senses, seen = np.asarray(modes.senses), np.asarray(modes.fixed_values)
@@ -94,11 +100,15 @@ def modes3d(
     drawn = page.solid(axes, len(chosen))
     axis = " of the shaft" if modes.frame == "rotating" else ""
     for ax, number in zip(drawn, chosen, strict=True):
-        value = complex(values[number])
-        shape, counter = shapes[number, order], counters[number, order]
-        whirl = complex(seen[number]), senses[number, order]
-        directions = _draw(ax, value, stations[order], shape, counter, *whirl, orbits)
-        title = f"{' and '.join(directions)}{', ' if directions else ''}{labels.root(whirl[0])}"
+        value, whirl = complex(values[number]), complex(seen[number])
+        size = (np.abs(shapes[number]) + np.abs(counters[number])).max()
+        found: set[str] = set()
+        for own in parts:
+            shape, counter = shapes[number, own] / size, counters[number, own] / size
+            placed = stations[own], shape, counter, whirl, senses[number, own]
+            found |= _draw(ax, value, *placed, orbits)
+        directions = [name for name in _COLOURS if name in found]
+        title = f"{' and '.join(directions)}{', ' if directions else ''}{labels.root(whirl)}"
         ax.set_title(title, fontsize=page.TEXT, y=1.05, pad=0.0)
         ax.set(xlabel=f"position [{unit}]", ylabel=f"x{axis} [1]", zlabel=f"y{axis} [1]")
     return drawn
@@ -110,6 +120,13 @@ def _one_of_each_pair(modes: Modes) -> Bool[np.ndarray, " m"]:
     return np.full(values.shape, modes.counter is None) | (values.imag >= 0)
 
 
+def _of_shafts(modes: Modes) -> list[Int[np.ndarray, " s"]]:
+    """Numbers of the stations of each shaft, from left to right."""
+    stations = np.asarray(modes.stations)
+    ends = np.cumsum([count for _, count in modes.shafts])[:-1]
+    return [own[np.argsort(stations[own])] for own in np.split(np.arange(stations.size), ends)]
+
+
 def _draw(
     ax: Any,
     value: complex,
@@ -119,25 +136,20 @@ def _draw(
     seen: complex,
     sense: Float[np.ndarray, " x"],
     orbits: int,
-) -> list[str]:
-    """Draw the shaft and its orbits; returns the directions of whirl that occur."""
-    size = (np.abs(shape) + np.abs(counter)).max()
-    shape, counter = shape / size, counter / size
+) -> set[str]:
+    """Draw a shaft and its orbits; returns the directions of whirl that occur."""
     line: Any = shape + np.conj(counter)
     radius = np.abs(shape) + np.abs(counter)
     rotation = np.exp(1j * np.copysign(_PHASE, value.imag))
     chosen = np.unique(np.linspace(0, stations.size - 1, orbits).round().astype(int))
     chosen = chosen[radius[chosen] > 1e-3]
-    found = []
-    for name, colour, belongs in (
-        ("forward", colours.FORWARD, sense > 1e-6),
-        ("backward", colours.BACKWARD, sense < -1e-6),
-        ("straight", colours.UNDEFINED, np.abs(sense) <= 1e-6),
-    ):
+    found = set()
+    ways = sense > 1e-6, sense < -1e-6, np.abs(sense) <= 1e-6
+    for (name, colour), belongs in zip(_COLOURS.items(), ways, strict=True):
         members = chosen[belongs[chosen]]
         if not members.size or not labels.whirls(seen):
             continue
-        found.append(name)
+        found.add(name)
         if not labels.whirls(value):  # a shaft that stands bent in its own axes has no orbit there
             continue
         orbit = shape[members, None] * rotation + np.conj(counter[members, None] * rotation)

@@ -204,3 +204,14 @@ def test_what_is_refused(build, said):
 
 def test_nodes_are_those_of_every_shaft():
     assert set(two().with_nodes(5).resolution) == {5}
+
+
+def test_a_mode_that_is_hardly_damped_is_no_rotor_without_damping():
+    """Supports damp the highest modes of dual-rotor by less than the rounding of their roots."""
+    with pytest.raises(
+        ValueError, match="^Some modes of the rotor have no damping beyond rounding"
+    ):
+        jr.onset_speed(jr.load("dual-rotor"), (0.0, 100.0), 8)
+    alone = jr.Scene(jr.MasslessShaft(1.0, 0.5, 1e6), jr.Disc(0.5, 1.0), spin=jr.ConstantSpeed(1.0))
+    with pytest.raises(ValueError, match="^The rotor has no damping, so it is neither"):
+        jr.onset_speed(alone, (0.0, 100.0), 8)

@@ -51,6 +51,25 @@ def test_mode_shapes_are_normalised_and_in_phase():
     assert ax.get_xlabel() == "position along the shaft [m]"
 
 
+@pytest.mark.slow  # compiles eigenvalues with their vectors
+def test_every_shaft_is_drawn():
+    """hp from 0.3 m to 0.682 m, where a stiff bearing between the shafts keeps both together."""
+    stiff = {"supports.3.kxx": 1e11, "supports.3.kyy": 1e11}
+    modes = jr.modes(jr.load("dual-rotor").replace(stiff), 2)
+    assert modes.shafts == (("lp", 101), ("hp", 101))
+    ax = plot.mode_shapes(modes)
+    first, other = [line for line in ax.lines if line.get_linestyle() == "--"]
+    assert first.get_linewidth() > other.get_linewidth()
+    np.testing.assert_allclose(first.get_xdata()[[0, -1]], [0.0, 0.962])
+    np.testing.assert_allclose(other.get_xdata()[[0, -1]], [0.3, 0.682])
+    there = np.interp(0.682, first.get_xdata(), first.get_ydata())
+    np.testing.assert_allclose(other.get_ydata()[-1], there, atol=1e-3)
+    assert len(ax.get_legend().get_texts()) == 2
+    drawn, _ = plot.modes3d(modes, [0, 1])
+    dark = [line for line in drawn.lines if line.get_label() == "phase 0"]
+    assert [len(line.get_data_3d()[0]) for line in dark] == [101, 101]
+
+
 def test_mode_shapes_draw_one_of_each_conjugate_pair():
     shapes = [[0, 1.0, 2.0]] * 2
     stations = np.linspace(0.0, 0.4, 3)

@@ -9,6 +9,7 @@ from matplotlib.colors import to_hex
 import jaxrotor as jr
 from jaxrotor import plot
 from jaxrotor.plot import colours
+from jaxrotor.plot.marks import amplitudes
 
 
 pytestmark = pytest.mark.usefixtures("rendered")
@@ -108,3 +109,12 @@ def test_campbell_has_a_line_of_every_shaft():
         own = curves[:, ahead if at > 0 else ~ahead]
         beside = [np.interp(abs(at), np.asarray(result.speeds), one) for one in own.T]
         assert min(abs(one - height) for one in beside) < 1e-2 * height
+
+
+def test_stops_are_those_of_one_shaft():
+    """At 0.5 m there is room of 1 mm for hp, of 2 mm for lp, by its own name or as the first."""
+    scene = jr.load("dual-rotor")
+    stops = [jr.Limiter((name, 0.5), 0.0, gap, 1e6) for name, gap in (("hp", 1e-3), ("lp", 2e-3))]
+    scene = scene.of_parts(*scene.effects, *stops)
+    found = [amplitudes(scene, 0.5, shaft) for shaft in ("hp", "lp", None)]
+    assert found == [[1e-3], [2e-3], [2e-3]]
