@@ -69,8 +69,8 @@ def modes3d(
     """Mode shapes in space: `z(x, phase) = shape exp(i phase) + conj(counter exp(i phase))`.
 
     The dark line is the shaft at phase 0, each of several. Each orbit begins at the dot and ends before
-    it, so the gap is behind the moving dot. Its colour shows whether the shaft whirls there with the spin or against
-    it; direction and frequency are those in fixed axes.
+    it, so the gap is behind the moving dot. Its colour shows whether the shaft whirls there with the spin
+    or against it; direction and frequency are those in fixed axes.
 
     Args:
         modes: result of `jaxrotor.modes`; drawn in the axes of the shaft if `modes.frame` is "rotating".
