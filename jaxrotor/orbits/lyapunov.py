@@ -16,7 +16,6 @@ from ..core.outcome import Outcome
 from ..core.progress import progress as bar, segments
 from ..core.tables import notebook_table
 from ..effects.base import AbstractContact
-from ..effects.layout import check_one_shaft
 from ..equations.start import AbstractStart, AtRest
 from ..equations.system import assemble, port_groups
 from ..motion.rebounds import Rebounds, in_revolutions
@@ -83,8 +82,8 @@ def lyapunov(
     Small disturbances follow the derivative of every step, jumps at changes of contact included, and
     are made orthonormal after every revolution; the exponents are the means of the logarithms of their
     growth. A positive exponent means chaos. Zero belongs to a motion along itself, of a scene without
-    unbalance, or to a motion of two periods. Of a scene without contact they are the real parts of the
-    roots.
+    unbalance, or to a motion of two periods; angles of several shafts are not disturbed. Of a scene
+    without contact they are the real parts of the roots.
 
     Args:
         scene: the rotor, at constant speed. Runs of other values of the same scene reuse the program.
@@ -116,7 +115,6 @@ def lyapunov(
     Chaos, Solitons and Fractals 5, 1671-1681; weights: Das, Saiki, Sander, Yorke (2017), Nonlinearity
     30, eq. (2).
     """
-    check_one_shaft(scene.shafts, "`lyapunov`")
     solver = Exponential(4, located=True) if solver is None else solver
     check_counts(revolutions=revolutions, count=count, steps_per_revolution=steps_per_revolution)
     check_counts(0, settle=settle)
@@ -125,6 +123,7 @@ def lyapunov(
             f"`revolutions` must be at least {2 * BLOCKS} to estimate an error, but is {revolutions}."
         )
     check_constant(scene, "`lyapunov`", memory=True)
+    asked, (scene, station) = scene, scene.to_simulate(in_time=False)
     together = port_groups(scene)
     system = assemble(scene, together)
     passes = cycle_of(scene, system, "`lyapunov`").passes
@@ -138,14 +137,15 @@ def lyapunov(
     several = len(scene.of(AbstractContact)) > 1  # of which some may never be touched
     steps = steps_for_states(system, steps_per_revolution, 2 * jnp.pi / rate)
     plan = plan_of(chosen, together, steps, contacts=several)
-    station = scene.stations(None)
     march = eqx.filter_jit(March.of)(system, plan, rate, station[:1])
     y = march.begin(start, station[0])
     aligned = settle - settle // 2
     with bar(progress, settle + revolutions, f"{count} exponents", "revolutions") as tick:
         y, good = _skip(march, y, jnp.asarray(settle - aligned))
         tick(settle - aligned)
-        disturbances = random_disturbances(y.size, count, seed)
+        # Turns of further shafts, the last numbers of a state, are not disturbed.
+        disturbances = random_disturbances(y.size - len(system.others), count, seed)
+        disturbances = jnp.pad(disturbances, ((0, len(system.others)), (0, 0)))
         growths, loads, states = [], [], []
         for segment in segments(aligned) + segments(revolutions):
             y, disturbances, (growth, loaded, own), ok = _follow(march, y, disturbances, segment)
@@ -176,7 +176,7 @@ def lyapunov(
         good.unresolved,
         start_on(*state_in(march, y)),
         length,
-        scene,
+        asked,
         steps,
         solver_name(chosen),
     )
@@ -254,7 +254,8 @@ def _follow(march: March, y: Array, disturbances: Float[Array, "m e"], revolutio
     def one(carry, _):
         y, disturbances, good = carry
         y, disturbances, growth, (ok, loaded) = advance_disturbed(advance, y, disturbances)
-        return (y, disturbances, good & ok), (growth, loaded, y[y.size - march.state_count :])
+        own = y[y.size - march.beside : y.size - len(march.system.others)]
+        return (y, disturbances, good & ok), (growth, loaded, own)
 
     begin = y, disturbances, Outcome.good()
     (y, disturbances, good), seen = jax.lax.scan(one, begin, None, length=revolutions)

@@ -2,7 +2,7 @@
 
 import dataclasses
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import diffrax as dfx
 import jax.numpy as jnp
@@ -53,7 +53,8 @@ def rerun(dataset: xr.Dataset, solver: Exponential, steps: int) -> Rerun:
     coords = [str(name) for name in status.coords if "." in str(name)]
     columns = {path: status[path].broadcast_like(status).values.ravel() for path in coords}
     points = np.column_stack(list(columns.values()))
-    period, cycle, turns = period_of(attributes), None, np.ones(len(points))
+    cycle, turns = None, np.ones(len(points))
+    period: Any = period_of(attributes)  # of one shaft no name of another
     if memory:
         cycle, turns = _cycle(scene, start, columns)
         ends = extremes(scene, start, columns)

@@ -93,6 +93,17 @@ def test_a_branch_over_the_ratio_of_speeds():
     assert float(branch.period[-1]) == pytest.approx(2 * np.pi / (0.42 * 1.4), rel=1e-9)
 
 
+@pytest.mark.slow  # exponents are a program of their own
+def test_exponents_are_those_of_the_multipliers():
+    scene = toy(1.3, None, *STOPS)
+    found = jr.lyapunov(scene, launched(), 300, settle=100)
+    rate = np.log(abs(MULTIPLIERS)) / (2 * np.pi / (0.3 * 1.4))
+    assert float(found.exponents[0]) == pytest.approx(rate, abs=3e-4)
+    still = jr.lyapunov(toy(1.3), launched(), 300, settle=300, count=2)
+    slowest = max(np.asarray(jr.roots(toy(1.3), 4)).real)
+    np.testing.assert_allclose(still.exponents, slowest, rtol=1e-3)
+
+
 def test_a_shaft_alone_with_unbalance_beats_by_its_revolutions():
     scene = toy(1.3)
     only = scene.replace({"unbalances.0.moment": 0.0})
