@@ -23,7 +23,8 @@ class Regularity(AbstractObservable):
     number of periods, change less than any power of the number of revolutions, those of chaos as its
     root. So it asks for no section: that of a motion with the clocks of two shafts is no point. A period
     of more than a tenth of the kept revolutions, as the beat of two speeds that are nearly equal, is not
-    told from chaos, and neither is a transient.
+    told from chaos, and neither is a transient. Averages of chaos may agree by chance, to 1e-3 in about
+    one of a hundred motions.
 
     Source: Das, Saiki, Sander, Yorke (2017), Nonlinearity 30, 4111; as a test of chaos Sander, Meiss
     (2020), Physica D 411, 132569.
