@@ -138,7 +138,7 @@ class SealLaw(AbstractFluidLaw):
         return jax.lax.complex(harder * seal.stiffness - mass * q**2, -q * harder * seal.damping)
 
 
-def _raised(base: Number, exponent: Scalar) -> Number:
+def _raised(base: Number, exponent: Number) -> Number:
     """`base^exponent` of positive numbers.
 
     Lanes take an exponential and a logarithm by vectors, and a power one by one: 109 in place of 146 ns a

@@ -49,7 +49,7 @@ def claims_of(
     lane can return, `returned` is infinite, and none is sought.
     """
     growth, turned, section = map(np.asarray, followed[2:5])
-    exponent, error = mean_and_error(growth.T)
+    exponent, error = map(np.asarray, mean_and_error(growth.T))
     rotation, change = _average(turned)
     half = growth.shape[1] // 2
     early, late = growth[:, :half].sum(axis=1), growth[:, -half:].sum(axis=1)
