@@ -156,6 +156,11 @@ class AbstractUnbalance(AbstractLoad):
     """Load `amount (Omega^2 - i Omega.) exp(i theta)` at one station."""
 
     at: eqx.AbstractVar[Scalar]  # station [m]
+    since: eqx.AbstractVar[Scalar | None]  # time at which it appears [s]; None: it is always there
+
+    @abc.abstractmethod
+    def by(self, time: float) -> "AbstractUnbalance":
+        """The same as it is from a time [s] on: without `since`, and zero unless it has appeared."""
 
     @property
     @abc.abstractmethod

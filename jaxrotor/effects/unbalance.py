@@ -6,7 +6,7 @@ from typing import Any, ClassVar
 import jax.numpy as jnp
 from jaxtyping import Array, Complex
 
-from ..core.quantities import Scalar, check, nonnegative, real
+from ..core.quantities import Scalar, check, nonnegative, real, with_values
 from .base import AbstractUnbalance
 
 
@@ -71,6 +71,13 @@ class Unbalance(AbstractUnbalance):
         grade = check(grade, "grade [mm/s]", lambda x: x > 0, "must be positive")
         speed = check(speed, "speed [rad/s]", lambda x: x != 0, "must not be zero")
         return cls(at, mass, 1e-3 * grade / jnp.abs(speed), phase)
+
+    def by(self, time: float) -> "Unbalance":
+        if self.since is None:
+            return self
+        amount = "mass" if self.moment is None else "moment"
+        gone = {} if float(self.since) <= time else {amount: jnp.zeros(())}
+        return with_values(self, since=None, **gone)
 
     @property
     def amount(self) -> Complex[Array, ""]:

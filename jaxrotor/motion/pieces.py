@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..core.quantities import known, with_values
-from ..effects import Unbalance
+from ..effects.base import AbstractUnbalance
 from ..equations.start import Launch
 from ..scene import Scene
 from .history import TimeHistory
@@ -19,9 +19,9 @@ ALONG = ("angle", "speed", "acceleration", "displacement", "velocity", "slope", 
 ALONG += ("coordinates", "rates", "balls", "states")  # of a history, with an entry for every sample
 
 
-def appearing(scene: Scene) -> list[Unbalance]:
+def appearing(scene: Scene) -> list[AbstractUnbalance]:
     """Unbalance of a scene that appears at a time of its motion."""
-    return [one for one in scene.of(Unbalance) if one.since is not None]
+    return [one for one in scene.of(AbstractUnbalance) if one.since is not None]
 
 
 def check_always(scene: Scene, what: str, cure: str) -> None:
@@ -42,7 +42,7 @@ def in_pieces(
 ) -> TimeHistory:
     """A run whose unbalance appears at times from that of the launch on, joined of runs between these."""
     own = appearing(scene)
-    sinces = [one.since for one in own]
+    sinces: list[Any] = [one.since for one in own]
     if not all(map(known, (times, launch.time, *sinces))):
         names = " and ".join(map(scene.name_of, own))
         raise ValueError(
@@ -50,29 +50,21 @@ def in_pieces(
             "then, and on from `motion.end` in the scene that has the unbalance."
         )
     times, begun = np.asarray(times), float(launch.time)
-    cuts = sorted({float(one) - begun for one in sinces if begun < float(one) < begun + times[-1]})
+    ended = begun + float(times[-1])
+    cuts = sorted({float(one) for one in sinces if begun < float(one) < ended})
     pieces, start = [], launch
-    for first, last in zip([0.0, *cuts], [*cuts, float(times[-1])], strict=True):
+    for since, until in zip([begun, *cuts], [*cuts, ended], strict=True):
+        first, last = since - begun, until - begun
         inside = times[(first < times) & (times <= last)] - first
         steps = np.unique([0.0, *inside, last - first])
-        found = run(_with_those_since(scene, begun + first), steps, start=start, **options)
+        there = [
+            one.by(since) if isinstance(one, AbstractUnbalance) else one for one in scene.effects
+        ]
+        found = run(with_values(scene, effects=tuple(there)), steps, start=start, **options)
         keep = slice(0 if first == 0 and times[0] == 0 else 1, 1 + inside.size)
         pieces.append((first, keep, found))
         start = found.end
     return _joined(scene, times, pieces)
-
-
-def _with_those_since(scene: Scene, time: float) -> Scene:
-    """The scene with unbalance that has appeared by a time, that of others zero."""
-
-    def there(effect: Any) -> Any:
-        if not isinstance(effect, Unbalance) or effect.since is None:
-            return effect
-        amount = "mass" if effect.moment is None else "moment"
-        gone = {} if float(effect.since) <= time else {amount: jnp.zeros(())}
-        return with_values(effect, since=None, **gone)
-
-    return with_values(scene, effects=tuple(map(there, scene.effects)))
 
 
 def _joined(

@@ -101,10 +101,11 @@ def run_up(
     times = _checked_times(times)
     launch = Launch.of(start)
     if appearing(scene):
-        own: dict[str, Any] = {"at": at, "solver": solver, "controller": controller}
-        own |= {"substeps": substeps, "tolerance": tolerance, "adjoint": adjoint}
-        own |= {"max_steps": max_steps, "max_stops": max_stops, "progress": progress}
-        return in_pieces(run_up, scene, times, launch, own)
+        how = dict(at=at, solver=solver, controller=controller, substeps=substeps, adjoint=adjoint)
+        how |= dict(
+            max_steps=max_steps, max_stops=max_stops, tolerance=tolerance, progress=progress
+        )
+        return in_pieces(run_up, scene, times, launch, how)
     asked, (scene, stations) = scene, scene.to_simulate(at)
     begun = after(scene, launch)
     if controller is None and adjoint is None:

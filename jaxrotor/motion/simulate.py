@@ -94,7 +94,8 @@ def simulate(
         at: station(s) [m] to observe; by default that of the first contact, else of the first
             effect with a station, else the end of the shaft.
         period: length [s] of a "revolution" at zero speed, not allowed otherwise; or the name of a shaft
-            of several, whose turns are then the revolutions.
+            of several, whose turns are then the revolutions; such a run goes on from another by steps
+            along times, which are others than those of one run.
         adjoint: diffrax adjoint for derivatives: forward mode by default,
             `diffrax.RecursiveCheckpointAdjoint()` for reverse mode.
         max_steps: steps an adaptive solver may take, by default 4096 a revolution, or a million along

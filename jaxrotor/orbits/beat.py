@@ -74,6 +74,7 @@ def checked_beat(
 ) -> tuple[Scalar, Scalar, Float[Array, " d"]]:
     """Angle and turn of `beat_of`, and what the turn changes of the scene; raises where it does."""
     _check(scene, system)
+    _check_two(system)
     span, turn = beat_of(system, beats)
     defects = symmetry_defects(scene, _without_unbalance(system), turn)
     if known(defects) and float(jnp.max(jnp.abs(defects))) > SAME:
@@ -128,16 +129,16 @@ def _check(scene: Scene, system: System) -> None:
             f"An orbit of several shafts with unbalance is for forces that do not turn, but those of "
             f"{system.laws_with(lambda law: law.clock)} do; follow the motion by `jaxrotor.simulate`."
         )
-    first, *others = _turning(system)
-    if len(others) > 1 and all(map(known, (first, *others))):
-        apart = np.array([float(one - first) for one in others])
-        ratios = apart / np.abs(apart).min(where=apart != 0, initial=np.inf)
-        if np.any(np.abs(ratios - np.round(ratios)) > SAME):
-            names = phrase(one.name for one in system.others)
-            raise ValueError(
-                f"The shafts {names} beat with the first one at differences of speed that have no common "
-                "period; give `revolutions`, or take `jaxrotor.torus`."
-            )
+
+
+def _check_two(system: System) -> None:
+    """Raise unless two shafts at most have unbalance, as a beat is of two."""
+    if len(_turning(system)) > 2:
+        names = phrase(one.name for one in system.others)
+        raise ValueError(
+            f"A beat is of two shafts with unbalance, but beside the first one {names} have some; give "
+            "`revolutions` in which all make whole turns, or take `jaxrotor.torus`."
+        )
 
 
 def _without_unbalance(system: System) -> System:

@@ -82,6 +82,10 @@ def continue_(
     check_counts(max_points=max_points, max_iterations=max_iterations)
     check_travel(direction, step, max_step)
     if isinstance(orbit, Torus):
+        if solver is not None:
+            raise ValueError(
+                f"A torus has harmonics and takes no steps, so it has no `solver`, but it is {solver!r}."
+            )
         travel = direction, step, max_step, max_points
         return branch_of_tori(orbit, path, between, travel, tolerance, max_iterations, progress)
     problem, first = problem_of(orbit, {path: between}, solver)

@@ -118,6 +118,11 @@ def lyapunov(
     solver = Exponential(4, located=True) if solver is None else solver
     check_counts(revolutions=revolutions, count=count, steps_per_revolution=steps_per_revolution)
     check_counts(0, settle=settle)
+    if isinstance(period, str):
+        raise ValueError(
+            f"Exponents are by revolutions of the first shaft, so `period` is for zero speed only, but is "
+            f"{period!r}."
+        )
     if revolutions < 2 * BLOCKS:
         raise ValueError(
             f"`revolutions` must be at least {2 * BLOCKS} to estimate an error, but is {revolutions}."

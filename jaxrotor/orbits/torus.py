@@ -32,7 +32,7 @@ from .lyapunov import BLOCKS
 
 
 SAMPLES = 8  # of an angle for every harmonic, by default
-LEAST = 4  # of an angle for every harmonic, at least
+LEAST = 4  # of an angle for every harmonic, which they must exceed
 UNITS = 3000  # unknowns, above which an answer would take minutes and gigabytes
 
 
@@ -68,7 +68,11 @@ class Torus(eqx.Module):
 
     @property
     def stable(self) -> Bool[Array, ""]:
-        """Whether small disturbances die out."""
+        """Whether small disturbances die out; raises where no exponent was asked for."""
+        if known(self.exponent) and math.isnan(float(self.exponent)) and bool(self.converged):
+            raise ValueError(
+                "The stability of this torus was not looked at, as `revolutions` were 0; ask for some."
+            )
         return jnp.less(self.exponent, 0)
 
     @property
@@ -135,7 +139,7 @@ def torus(
         guess: another such torus, or a `TimeHistory` from angles of zero on, which is fitted by harmonics
             where it is longer than they are many; by default the motion without contact.
         harmonics: of each angle, forward and backward.
-        samples: of each angle, at which forces are computed: at least 4 a harmonic, by default the
+        samples: of each angle, at which forces are computed: more than 4 a harmonic, by default the
             power of two from 8 a harmonic up.
         at: station(s) to observe, with the names of their shafts, `("hp", 0.3)`.
         revolutions: of the first shaft, over which disturbances are averaged; the exponent is NaN for 0.
@@ -178,9 +182,9 @@ def torus(
         samples = tuple(1 << (SAMPLES * h - 1).bit_length() for h in harmonics)
     samples = _of_each(samples, count, "samples")
     for h, n in zip(harmonics, samples, strict=True):
-        if n < LEAST * h:
+        if n <= LEAST * h:
             raise ValueError(
-                f"`samples` of an angle must be at least {LEAST * h}, {LEAST} a harmonic, to avoid "
+                f"`samples` of an angle must be more than {LEAST * h}, {LEAST} a harmonic, to avoid "
                 f"aliasing, but are {n}."
             )
     unknowns = 2 * len(system.ports) * math.prod(2 * h + 1 for h in harmonics)

@@ -167,9 +167,7 @@ def sweep(
     check_counts(0, settle=settle, error_sample=error_sample or 0)
     if along is None:
         _check_scene(scene, over)
-    _check_kick(carry, kick, scene)
-    check_always(scene, "`sweep`", "run up to then, and sweep on from there, `start=motion.end`")
-    _check_precision(precision)
+    _check_given(scene, carry, kick, precision)
     over = over if carry is None else with_carried_first(over, carry, error_sample or 0)
     station, scene = _station(scene, at), scene.to_simulate(at)[0]
     start = start_of_lanes(scene, start, paths_of(over))
@@ -220,6 +218,13 @@ def _check_scene(scene: Scene, over: Mapping[str, Any]) -> None:
     check_constant_speed(scene, "`sweep` without `times`")
     if not any(path.startswith("support") for path in paths_of(over)):
         check_weight(scene)
+
+
+def _check_given(scene: Scene, carry: str | None, kick: float, precision: str | None) -> None:
+    """Raise unless a kick and a precision are possible, and unbalance is there from the beginning."""
+    _check_kick(carry, kick, scene)
+    check_always(scene, "`sweep`", "run up to then, and sweep on from there, `start=motion.end`")
+    _check_precision(precision)
 
 
 def _check_kick(carry: str | None, kick: float, scene: Scene) -> None:

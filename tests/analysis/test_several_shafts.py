@@ -189,7 +189,6 @@ def test_machines_without_a_joint_are_two():
         (lambda: two(jr.Disc(at=("a", 0.5), mass=1.0), ratio=np.inf), "finite"),
         (lambda: jr.critical_speeds(two(), by="c"), "`by` must be the name of a shaft"),
         (lambda: jr.critical_speeds(two(ratio=0.0), by="b"), "does not turn"),
-        (lambda: jr.periodic(two(), jr.AtRest()), "scenes of one shaft"),
         (lambda: jr.unbalance_response(two(), [1.0], 0.5), "must name the shaft"),
     ],
 )

@@ -54,6 +54,15 @@ def test_a_linear_motion_is_exact():
     assert forces.shape == motion.coordinates.shape
 
 
+def test_it_appears_whatever_the_rounding_of_the_times():
+    """`.303 + (.89 - .303)` is less than .89."""
+    scene = toy(1.3, 0.2, jr.Unbalance(("hp", 1.0), moment=LOST, since=0.89))
+    first = jr.run_up(scene, [0.0, 0.303], at=("lp", 1.0), start=launched())
+    rest = jr.run_up(scene, np.array([0.0, 1.0]), at=("lp", 1.0), start=first.end)
+    whole = jr.run_up(scene, [0.0, 1.303], at=("lp", 1.0), start=launched())
+    np.testing.assert_allclose(rest.displacement[-1], whole.displacement[-1], rtol=1e-12)
+
+
 def test_a_motion_goes_on_to_the_time_and_beyond():
     """The time counts from the beginning of the first of motions that continue each other."""
     scene = toy(1.3, 0.2, BLADE)

@@ -186,7 +186,7 @@ def test_tori_end_where_a_branch_folds(branch):
     ("call", "told"),
     [
         (lambda: jr.torus(hardening(), harmonics=(5, 5, 5)), "one for each of 2 angles"),
-        (lambda: jr.torus(hardening(), harmonics=4, samples=8), "at least 16, 4 a harmonic"),
+        (lambda: jr.torus(hardening(), harmonics=4, samples=8), "more than 16, 4 a harmonic"),
         (lambda: jr.torus(hardening(), harmonics=40), "more than the 6000"),
         (lambda: jr.torus(hardening(), revolutions=5), "at least 20"),
         (lambda: jr.torus(hardening(), 3.0), "must be a torus, or a motion"),
