@@ -98,13 +98,11 @@ def run_up(
 
     Sources: Filimonikhin, Goncharov (2011); course project of `turbine-run-up`.
     """
-    times = _checked_times(times)
-    launch = Launch.of(start)
+    times, launch = _checked_times(times), Launch.of(start)
     if appearing(scene):
-        how = dict(at=at, solver=solver, controller=controller, substeps=substeps, adjoint=adjoint)
-        how |= dict(
-            max_steps=max_steps, max_stops=max_stops, tolerance=tolerance, progress=progress
-        )
+        how = dict(at=at, solver=solver, controller=controller, substeps=substeps)
+        how |= dict(tolerance=tolerance, adjoint=adjoint, max_steps=max_steps)
+        how |= dict(max_stops=max_stops, progress=progress)
         return in_pieces(run_up, scene, times, launch, how)
     asked, (scene, stations) = scene, scene.to_simulate(at)
     begun = after(scene, launch)

@@ -118,15 +118,7 @@ def lyapunov(
     solver = Exponential(4, located=True) if solver is None else solver
     check_counts(revolutions=revolutions, count=count, steps_per_revolution=steps_per_revolution)
     check_counts(0, settle=settle)
-    if isinstance(period, str):
-        raise ValueError(
-            f"Exponents are by revolutions of the first shaft, so `period` is for zero speed only, but is "
-            f"{period!r}."
-        )
-    if revolutions < 2 * BLOCKS:
-        raise ValueError(
-            f"`revolutions` must be at least {2 * BLOCKS} to estimate an error, but is {revolutions}."
-        )
+    _check_length(revolutions, period)
     check_constant(scene, "`lyapunov`", memory=True)
     asked, (scene, station) = scene, scene.to_simulate(in_time=False)
     together = port_groups(scene)
@@ -185,6 +177,19 @@ def lyapunov(
         steps,
         solver_name(chosen),
     )
+
+
+def _check_length(revolutions: int, period: Any) -> None:
+    """Raise unless revolutions are those of the first shaft, and enough for an error."""
+    if isinstance(period, str):
+        raise ValueError(
+            f"Exponents are by revolutions of the first shaft, so `period` is for zero speed only, but is "
+            f"{period!r}."
+        )
+    if revolutions < 2 * BLOCKS:
+        raise ValueError(
+            f"`revolutions` must be at least {2 * BLOCKS} to estimate an error, but is {revolutions}."
+        )
 
 
 def random_disturbances(size: int, count: int, seed: int) -> Float[Array, "m e"]:

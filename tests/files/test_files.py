@@ -796,7 +796,7 @@ def study_of(text):
             "eccentricity =",
             "e =",
             "unbalance.e is not a parameter of an unbalance; it has: at, mass, eccentricity, "
-            "phase, moment.",
+            "phase, moment, since.",
         ),
         ("0.7 m", "0.7 kg", "shaft.length must be in m, but is '0.7 kg'."),
         ("0.7 m", "0,7 m", "shaft.length must be in m, but is '0,7 m'."),
