@@ -99,7 +99,7 @@ class TorusBranch(eqx.Module):
     radius_min: Float[np.ndarray, "N s"]  # [m] over all angles
     radius_max: Float[np.ndarray, "N s"]
     exponents: Float[np.ndarray, " N"]  # growth of the fastest small disturbance [1/s]
-    points: tuple[TorusFold, ...]
+    points: tuple[TorusFold, ...]  # its folds
     reasons: tuple[str, str] = eqx.field(static=True)  # why it ends, at its first and last point
     unknowns: Float[np.ndarray, "N b"]
     curve: TorusProblem
