@@ -152,8 +152,9 @@ def test_whirl_of_a_run_up_is_over_its_own_speed():
     assert np.isfinite(whirl[1:]).all() and whirl[-20:].mean() == pytest.approx(1.0, abs=0.3)
 
 
-# The counter-rotor is the dual rotor at another ratio, and takes two minutes
-LONG = {"counter-rotor"}
+# The counter-rotor is the dual rotor at another ratio, and takes two minutes; motions of rotors in
+# magnetic bearings are those of tests/effects/test_magnetic_bearing.py
+LONG = {"counter-rotor", "magnetic-rotor"}
 
 
 @pytest.mark.parametrize(
