@@ -61,9 +61,7 @@ class Clock(eqx.Module):
         angle, acceleration = now.angle, now.acceleration
         if angle is not None:
             angle = self.ratio * angle
-            if (
-                self.excess is not None
-            ):  # by revolutions, where no time is known, no law asks for it
+            if self.excess is not None:  # by revolutions there is no time, and no law asks for it
                 angle = None if now.time is None else angle + self.excess * now.time
             if angle is not None and self.phase is not None:
                 angle = angle + self.phase

@@ -8,7 +8,7 @@ shafts have unbalance, harmonics and samples are those of the angles of all of t
 """
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -201,7 +201,39 @@ def orders_of(harmonics: tuple[int, ...]) -> Int[np.ndarray, "K d"]:
     return np.stack(each, axis=-1).reshape(-1, len(harmonics))
 
 
-def root_of(
+def speeds_of(system: System) -> Float[Array, " d"]:
+    """Speeds of the first shaft and of those beside it that have unbalance [rad/s]."""
+    speed = system.spin.speed
+    return jnp.stack([speed, *(other.clock.speed(speed) for other in system.others)])
+
+
+class Balanced(NamedTuple):
+    """Harmonics that meet a balance, NaN where none were found."""
+
+    ports: Complex[Array, "K p"]  # displacements [m]
+    forces: Complex[Array, "K p"]  # [N]
+    residual: Scalar  # largest of any harmonic, over the largest of the ports [1]
+    iterations: Int[Array, ""]
+
+
+def balanced(
+    balance: Balance,
+    first: Complex[Array, "K p"] | None,
+    finder: Any,
+    tolerance: float,
+    max_iterations: int,
+) -> Balanced:
+    """Harmonics that meet a balance, near those of a guess, or of the motion without forces."""
+    ports, none = balance.loaded @ balance.rows.T, jnp.zeros(())
+    if not balance.system.ports:
+        return Balanced(ports, jnp.zeros_like(ports), none, jnp.zeros((), int))
+    x, iterations = _root(balance, ports if first is None else first, finder, max_iterations)
+    residual = jnp.max(jnp.abs(balance.residual(x))) / jnp.max(jnp.abs(x))
+    ports = balance.decode(jnp.where(residual <= 10 * tolerance, x, jnp.nan))
+    return Balanced(ports, balance.forces(ports), residual, iterations)
+
+
+def _root(
     balance: Balance, ports: Complex[Array, "K p"], finder: Any, max_iterations: int
 ) -> tuple[Float[Array, " a"], Int[Array, ""]]:
     """Unknowns at the root near a guess, with their derivatives, and the number of iterations."""

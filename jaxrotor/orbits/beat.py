@@ -9,7 +9,6 @@ after a beat, turned, whatever the ratio of speeds.
 import math
 from typing import Any
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -23,6 +22,7 @@ from ..motion.history import TimeHistory
 from ..scene import Scene
 from .guess import LEAST, OrbitGuess, start_of
 from .memory import parts_of, steps_for_states
+from .shooting import without_unbalance
 from .symmetry import SAME, nan_unless_symmetric, symmetry_defects, symmetry_order
 
 
@@ -76,7 +76,7 @@ def checked_beat(
     _check(scene, system)
     _check_two(system)
     span, turn = beat_of(system, beats)
-    defects = symmetry_defects(scene, _without_unbalance(system), turn)
+    defects = symmetry_defects(scene, without_unbalance(system), turn)
     if known(defects) and float(jnp.max(jnp.abs(defects))) > SAME:
         raise ValueError(_asymmetry(scene, system, beats, float(turn)))
     return span, turn, defects
@@ -141,14 +141,9 @@ def _check_two(system: System) -> None:
         )
 
 
-def _without_unbalance(system: System) -> System:
-    absent = lambda part: part is None
-    return eqx.tree_at(lambda s: s.load.unbalance, system, None, is_leaf=absent)
-
-
 def _asymmetry(scene: Scene, system: System, beats: int, turn: float) -> str:
     """Why a motion does not return turned after a beat, and what to do."""
-    still = _without_unbalance(system)
+    still = without_unbalance(system)
     for count in range(beats + 1, MOST):
         defects = symmetry_defects(scene, still, jnp.asarray(turn * count / beats))
         if float(jnp.max(jnp.abs(defects))) < SAME:
@@ -175,7 +170,7 @@ def _in_section(
         )
     if system.state_count:
         return parts_of(start_of(guess, states=system.state_count), system, guess.stations[0])
-    still = _without_unbalance(system)
+    still = without_unbalance(system)
     any_turn = symmetry_defects(scene, still, jnp.asarray(1.0))
     angle, speed = np.asarray(guess.angle), float(system.spin.speed)
     turns = (

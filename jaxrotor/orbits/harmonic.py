@@ -27,7 +27,7 @@ from ..motion.rebounds import pilot_run
 from ..motion.revolutions import check_constant
 from ..motion.simulate import simulate
 from ..scene import Scene
-from .balance import Balance, root_of, truncation
+from .balance import Balance, balanced, truncation
 from .guess import start_of
 from .orbit import AbstractOrbit
 
@@ -170,14 +170,8 @@ def _find(
 ) -> HarmonicOrbit:
     harmonics, revolutions, samples = sizes
     balance = Balance.of(system, (harmonics,), revolutions, (samples,))
-    ports, iterations = balance.loaded @ balance.rows.T, jnp.zeros((), int)
-    forces, residual = jnp.zeros_like(ports), jnp.zeros(())
-    if system.ports:
-        x, iterations = root_of(balance, ports if first is None else first, finder, max_iterations)
-        residual = jnp.max(jnp.abs(balance.residual(x))) / jnp.max(jnp.abs(x))
-        x = jnp.where(residual <= 10 * tolerance, x, jnp.nan)
-        ports = balance.decode(x)
-        forces = balance.forces(ports)
+    found = balanced(balance, first, finder, tolerance, max_iterations)
+    ports, forces, residual, iterations = found
     q = balance.coordinates(forces)
     rates = 1j * balance.frequencies[:, None] * q
     row = places.rows(system.line)

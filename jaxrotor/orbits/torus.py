@@ -25,7 +25,7 @@ from ..equations.system import System, assemble, port_groups
 from ..motion.history import TimeHistory
 from ..motion.revolutions import check_constant
 from ..scene import Scene
-from .balance import Balance, orders_of, root_of, truncation
+from .balance import Balance, balanced, orders_of, speeds_of, truncation
 from .disturbances import growth_along
 from .harmonic import check_balanced
 from .lyapunov import BLOCKS
@@ -238,19 +238,12 @@ def _find(
 ) -> Torus:
     (harmonics, samples), (finder, tolerance, max_iterations) = sizes, settings
     balance = Balance.of(system, harmonics, 1, samples)
-    ports, iterations = balance.loaded @ balance.rows.T, jnp.zeros((), int)
-    forces, residual = jnp.zeros_like(ports), jnp.zeros(())
-    if system.ports:
-        x, iterations = root_of(balance, ports if first is None else first, finder, max_iterations)
-        residual = jnp.max(jnp.abs(balance.residual(x))) / jnp.max(jnp.abs(x))
-        x = jnp.where(residual <= 10 * tolerance, x, jnp.nan)
-        ports = balance.decode(x)
-        forces = balance.forces(ports)
+    found = balanced(balance, first, finder, tolerance, max_iterations)
+    ports, forces, residual, iterations = found
     q = balance.coordinates(forces)
     row = places.rows(system.line)
     coefficients = q @ row.T
     exponent, error = growth_along(balance, ports, *along)
-    speed = system.spin.speed
     return Torus(
         orders=jnp.asarray(balance.orders),
         frequencies=balance.frequencies,
@@ -259,7 +252,7 @@ def _find(
         forces=forces,
         start=Continued(q.sum(0), (1j * balance.frequencies) @ q),
         displacement=balance.sampled(coefficients),
-        speeds=jnp.stack([speed, *(other.clock.speed(speed) for other in system.others)]),
+        speeds=speeds_of(system),
         stations=places.stations,
         residual=residual,
         truncation=truncation(balance, row, coefficients, ports),
@@ -316,8 +309,7 @@ def _first(system: System, guess: Any, harmonics: tuple[int, ...]) -> Complex[Ar
             f"The guess must have at least {2 * len(orders)} times, two for each of {len(orders)} "
             f"harmonics, but has {guess.time.size}."
         )
-    speed = system.spin.speed
-    speeds = jnp.stack([speed, *(other.clock.speed(speed) for other in system.others)])
-    waves = jnp.exp(1j * (guess.angle / speed)[:, None] * (orders @ speeds))
+    time = guess.angle / system.spin.speed
+    waves = jnp.exp(1j * time[:, None] * (orders @ speeds_of(system)))
     rows = jnp.stack([port.row for port in system.ports])
     return linalg.pinv(waves) @ (guess.coordinates @ rows.T)
