@@ -15,6 +15,9 @@ from .analysis import (
     AxisSpeeds as AxisSpeeds,
     Boundary as Boundary,
     Campbell as Campbell,
+    CaseResponse as CaseResponse,
+    Criterion as Criterion,
+    CriticalMap as CriticalMap,
     CriticalSpeeds as CriticalSpeeds,
     DryWhirl as DryWhirl,
     DryWhirlMap as DryWhirlMap,
@@ -22,6 +25,8 @@ from .analysis import (
     Grade as Grade,
     HarmonicForce as HarmonicForce,
     HarmonicResponse as HarmonicResponse,
+    LateralAnalysis as LateralAnalysis,
+    LevelOne as LevelOne,
     MagneticPositions as MagneticPositions,
     Margins as Margins,
     MassProperties as MassProperties,
@@ -31,10 +36,12 @@ from .analysis import (
     Reduction as Reduction,
     ResponsePeaks as ResponsePeaks,
     RollingPositions as RollingPositions,
+    SceneAnalysis as SceneAnalysis,
     Sensitivity as Sensitivity,
     Settled as Settled,
     StabilityMap as StabilityMap,
     StaticPositions as StaticPositions,
+    UnbalanceCase as UnbalanceCase,
     WeightResponse as WeightResponse,
     allocated_unbalance as allocated_unbalance,
     annular_rub as annular_rub,
@@ -47,6 +54,7 @@ from .analysis import (
     centre_of_mass as centre_of_mass,
     chosen_nodes as chosen_nodes,
     correction_masses as correction_masses,
+    critical_map as critical_map,
     critical_speeds as critical_speeds,
     dry_whirl as dry_whirl,
     dry_whirl_map as dry_whirl_map,
@@ -57,6 +65,7 @@ from .analysis import (
     growth_rate as growth_rate,
     inertia_from_frequency as inertia_from_frequency,
     influence_coefficients as influence_coefficients,
+    lateral_analysis as lateral_analysis,
     linearized as linearized,
     mass_properties as mass_properties,
     modes as modes,
@@ -64,6 +73,7 @@ from .analysis import (
     permissible_unbalance as permissible_unbalance,
     perturbed_roots as perturbed_roots,
     reduction as reduction,
+    residual_unbalance as residual_unbalance,
     response_peaks as response_peaks,
     rigid_correction as rigid_correction,
     rigid_residual as rigid_residual,
@@ -78,6 +88,7 @@ from .analysis import (
     steady_state as steady_state,
     total_mass as total_mass,
     unbalance_response as unbalance_response,
+    vibration_limit as vibration_limit,
     weight_response as weight_response,
 )
 from .core.caller import FewStepsWarning as FewStepsWarning
@@ -147,6 +158,13 @@ from .equations.start import (
     Whirl as Whirl,
 )
 from .equations.system import System as System, assemble as assemble
+from .files.machine import (
+    Clearance as Clearance,
+    Machine as Machine,
+    Probe as Probe,
+    Stage as Stage,
+    machine as machine,
+)
 from .files.ross import from_ross as from_ross
 from .files.shipped import shipped as shipped
 from .files.toml import load as load, loads as loads, save as save, study as study, title as title

@@ -40,6 +40,19 @@ from .forced import (
 )
 from .growth import growth_rate as growth_rate
 from .inertia import MassProperties as MassProperties, mass_properties as mass_properties
+from .lateral import (
+    CaseResponse as CaseResponse,
+    Criterion as Criterion,
+    CriticalMap as CriticalMap,
+    LateralAnalysis as LateralAnalysis,
+    LevelOne as LevelOne,
+    SceneAnalysis as SceneAnalysis,
+    UnbalanceCase as UnbalanceCase,
+    critical_map as critical_map,
+    lateral_analysis as lateral_analysis,
+    residual_unbalance as residual_unbalance,
+    vibration_limit as vibration_limit,
+)
 from .linearized import linearized as linearized, static_positions as static_positions
 from .magnetic import MagneticPositions as MagneticPositions
 from .maps import (

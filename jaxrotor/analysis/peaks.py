@@ -140,7 +140,13 @@ class ResponsePeaks(eqx.Module):
         return notebook_table(f"{len(rows)} peaks of the response {at}", list(columns), rows)
 
 
-def response_peaks(scene: Scene, speeds, at=None, by: str | None = None) -> ResponsePeaks:
+def response_peaks(
+    scene: Scene,
+    speeds,
+    at=None,
+    by: str | None = None,
+    critical: CriticalSpeeds | None = None,
+) -> ResponsePeaks:
     """`d |z| / d Omega = 0`: peaks of the response to unbalance, refined, and where they fall by sqrt 2.
 
     A speed of half power lies between a peak and the valley beside it, or the end of the range; where the
@@ -154,6 +160,8 @@ def response_peaks(scene: Scene, speeds, at=None, by: str | None = None) -> Resp
         at: one station [m] or the name of a casing, by default the observed station of `simulate`; of
             several shafts `("hp", 0.3)`.
         by: name of the shaft whose unbalance acts, where there are several, by default the first one.
+        critical: `critical_speeds` of the rotor in the sense of `speeds`, where they are known already, as
+            of the same rotor with another unbalance.
 
     Returns:
         `ResponsePeaks`. Neither differentiable nor traceable; differentiate `unbalance_response`.
@@ -169,7 +177,7 @@ def response_peaks(scene: Scene, speeds, at=None, by: str | None = None) -> Resp
         )
     way = 1 if speeds[0] < speeds[-1] else -1
     speeds = speeds[::way]
-    critical = _excited(scene, float(speeds[0]), float(speeds[-1]), by)
+    critical = _excited(scene, float(speeds[0]), float(speeds[-1]), by, critical)
     rotor = unbalance_system(scene, at, by)
     distances = [radius_and_distance(rotor, speed)[1] for speed in critical.speeds]
     unbounded = np.array(distances) < CRITICAL
@@ -196,9 +204,15 @@ def response_peaks(scene: Scene, speeds, at=None, by: str | None = None) -> Resp
     return ResponsePeaks(found, critical, *table.T)
 
 
-def _excited(scene: Scene, low: float, high: float, by: str | None) -> CriticalSpeeds:
+def _excited(
+    scene: Scene, low: float, high: float, by: str | None, given: CriticalSpeeds | None
+) -> CriticalSpeeds:
     """Critical speeds in a range: where orbits are circles, the forward ones, as unbalance is forward."""
-    found = critical_between(scene, low, high, by)
+    if given is None:
+        found = critical_between(scene, low, high, by)
+    else:
+        every = np.asarray(given.speeds)
+        found = given.where((every >= low) & (every <= high))
     if isotropic(structure(scene).blocks):
         return found.where(np.array(found.kinds) == "forward")
     return found

@@ -251,6 +251,13 @@ class Support(AbstractUnequal, AbstractOverSpeed):
         return self._parts("stiffness").mean
 
     @property
+    def direct(self) -> tuple[Tabled, Tabled]:
+        """Direct stiffnesses kxx and kyy [N/m], of a table at its nodes."""
+        mean, _, deviator = self._parts("stiffness")
+        unequal = 0.0 if deviator is None else jnp.real(deviator)
+        return mean + unequal, mean - unequal
+
+    @property
     def turns_section(self) -> bool:
         return type(self) is not Support or self._holds_slope
 

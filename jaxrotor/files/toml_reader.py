@@ -69,7 +69,7 @@ def _scene(document: Table, prefix: str) -> Scene:
     """Scene of a document; `prefix` is the start of every path."""
     groups = {kind: cls for kind, cls in kinds().items() if cls is not CoaxialShaft}
     named = {name: cls for cls in groups.values() for name in (cls.kind, cls.plural)}
-    known = (*TEXTS, "shaft", SHAFTS, *groups, "spin", "sweep")
+    known = (*TEXTS, "shaft", SHAFTS, *groups, "spin", "sweep", "machine")
     for key in document:
         if key not in (*known, *named):
             names = {
@@ -119,7 +119,7 @@ def _part(
     if model not in list(models):
         refuse(f"{path}.model", f"must be {_either(models)}, but is {show(model)}.")
     noun = "shaft" if f" {SHAFTS}." in path else path.rpartition(" ")[2]
-    return _built(models[model], table, path, f"{model} {noun}", more)
+    return built(models[model], table, path, f"{model} {noun}", more)
 
 
 def _shafts(value: Any, path: str) -> dict[str, Any]:
@@ -166,9 +166,9 @@ def _unnamed(cls: Any, table: Table, path: str, spin: AbstractSpin) -> Iterator[
             refuse(f"{path}.angles", 'must be a list such as [0.0, "90 deg"], in place of angle.')
         for i, value in enumerate(angles):
             angle = quantity(value, "rad", f"{path}.angles.{i}")
-            yield _built(cls, table | {"angle": angle}, path, cls.kind)
+            yield built(cls, table | {"angle": angle}, path, cls.kind)
     else:
-        yield _built(cls, table, path, cls.kind)
+        yield built(cls, table, path, cls.kind)
 
 
 def _formed(form: Form, table: Table, path: str) -> Any:
@@ -187,8 +187,9 @@ def _formed(form: Form, table: Table, path: str) -> Any:
     return _checked(form.build, values, path)
 
 
-def _built(cls: Any, table: Table, path: str, noun: str, more: Iterable[str] = ()) -> Any:
+def built(cls: Any, table: Any, path: str, noun: str, more: Iterable[str] = ()) -> Any:
     """Module of a class from a table with its fields: quantities, nested modules and plain values."""
+    table = _table(table, path)
     fields = {f.name: f for f in dataclasses.fields(cls) if f.init and f.name != "shaft"}
     required = [n for n, p in inspect.signature(cls).parameters.items() if p.default is p.empty]
     _check_keys(table, [*fields, *more], required, f"{path}.", noun)
@@ -233,11 +234,11 @@ def _value(value: Any, field: dataclasses.Field, path: str, matrix: str = "") ->
     for own in (kind, *typing.get_args(kind)):  # a module, possibly optional or in a tuple
         if inspect.isclass(own) and issubclass(own, eqx.Module):
             if typing.get_origin(kind) is not tuple:
-                return _built(own, _table(value, path), path, own.__name__.lower())
+                return built(own, value, path, own.__name__.lower())
             if not isinstance(value, list):
                 refuse(path, f"must be a list of tables, but is {show(value)}.")
-            parts = [(_table(one, f"{path}.{i}"), f"{path}.{i}") for i, one in enumerate(value)]
-            return tuple(_built(own, *part, own.__name__.lower()) for part in parts)
+            parts = [(one, f"{path}.{i}") for i, one in enumerate(value)]
+            return tuple(built(own, *part, own.__name__.lower()) for part in parts)
     words, plain = choices_of(kind)
     fits = type(value) in plain and not (type(value) is int and abs(value) > _MOST)
     if (words or plain) and not fits and value not in words:

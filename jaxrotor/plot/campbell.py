@@ -36,7 +36,7 @@ def campbell(
     orders: Sequence[float | int] = (1,),
     highest: float | int | None = None,
     critical: CriticalSpeeds | None = None,
-    operating: float | int | None = None,
+    operating: float | int | tuple[float | int, float | int] | None = None,
 ) -> tuple[Axes, Axes]:
     """Whirl frequency `|Im lambda|` above and growth rate `Re lambda` below, against spin speed.
 
@@ -55,7 +55,7 @@ def campbell(
         orders: cycles per revolution of the lines, (1, 2) for a line of twice per revolution, too.
         highest: end of the frequency axis [rad/s], by default above the highest branch and cross.
         critical: undamped `jaxrotor.critical_speeds`, marked by crosses and listed, too.
-        operating: operating speed [rad/s], a vertical line.
+        operating: operating speed [rad/s], a vertical line, or the slowest and the fastest, shaded.
 
     Returns:
         The upper Axes, frequency, and the lower, growth rate [1/s].
@@ -101,8 +101,10 @@ def campbell(
 
     for ax in (upper, lower):
         ax.margins(x=0)
-    if operating is not None and low <= factor * operating <= high:
-        draw_operating((upper, lower), operating, operating)
+    if operating is not None:
+        slowest, fastest = np.broadcast_to(operating, 2).tolist()
+        if max(low, factor * min(slowest, fastest)) <= min(high, factor * max(slowest, fastest)):
+            draw_operating((upper, lower), slowest, fastest)
     if highest is None:
         crosses = [] if critical is None or not lines else factor * np.asarray(critical.speeds)
         inside = [abs(speed) for speed in crosses if low <= speed <= high]

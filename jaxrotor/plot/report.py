@@ -24,7 +24,7 @@ IMAGES = {".png": "png", ".jpg": "jpeg", ".jpeg": "jpeg", ".gif": "gif", ".svg":
 _ELSEWHERE = ("title", "scene", "assumption", "versions")  # attributes shown in other parts
 _ACCURACY = ("error", "steps_per_revolution", "precision", "tolerance", "chosen")
 _HEADS = ("", "unit", "count", "not a number", "smallest", "largest", "meaning")
-_TEMPLATE = Path(__file__).with_name("report.html")
+TEMPLATE = Path(__file__).with_name("report.html")
 
 
 def report(
@@ -58,7 +58,7 @@ def report(
     title = title or next((str(one.attrs.get("title", "")) for one in data), "") or target.stem
     parts = [*map(scene_part, scenes), *_figures(figures), *map(numbers_part, data)]
     body = "\n".join([*parts, versions_part(data)])
-    text = Template(_TEMPLATE.read_text("utf-8")).substitute(title=html.escape(title), body=body)
+    text = Template(TEMPLATE.read_text("utf-8")).substitute(title=html.escape(title), body=body)
     with replacing(target) as draft:
         draft.write_text(text, "utf-8", newline="\n")
 
@@ -100,7 +100,7 @@ def _drawing(scene: Scene) -> str:
             write(picture, lambda ax: rotor(scene, ax), 170, 75)
         except ValueError as error:
             return f"<p>{html.escape(str(error))}</p>"
-        return _image(picture.read_bytes(), "png", "the rotor, to scale")
+        return image(picture.read_bytes(), "png", "the rotor, to scale")
 
 
 def _figures(figures: Sequence[Any]) -> Iterator[str]:
@@ -117,7 +117,7 @@ def _figures(figures: Sequence[Any]) -> Iterator[str]:
             )
         buffer = io.BytesIO()
         figure.savefig(buffer, format="png", dpi=150)
-        yield _image(buffer.getvalue(), "png", f"figure {number}")
+        yield image(buffer.getvalue(), "png", f"figure {number}")
 
 
 def _picture(path: Path) -> str:
@@ -125,12 +125,13 @@ def _picture(path: Path) -> str:
     if kind is None:
         raise ValueError(f"A picture must end in {', '.join(IMAGES)}, but is {path}.")
     try:
-        return _image(path.read_bytes(), kind, path.name)
+        return image(path.read_bytes(), kind, path.name)
     except OSError as error:
         raise ValueError(f"{path} cannot be read ({error.strerror}); give another.") from None
 
 
-def _image(content: bytes, kind: str, caption: str) -> str:
+def image(content: bytes, kind: str, caption: str) -> str:
+    """A picture within the page, above its caption; `kind` is that of its MIME type, such as "png"."""
     text, coded = html.escape(caption), base64.b64encode(content).decode("ascii")
     source = f"data:image/{kind};base64,{coded}"
     return f'<figure><img alt="{text}" src="{source}"><figcaption>{text}</figcaption></figure>'

@@ -1,0 +1,128 @@
+"""Lateral analysis of a machine as a standard asks for it, and what it passes."""
+
+import dataclasses
+from collections.abc import Mapping
+from typing import Any
+
+import equinox as eqx
+import numpy as np
+
+from ...core.progress import waiting
+from ...core.tables import notebook_table
+from ...files.machine import Machine
+from ...scene import Scene
+from .criteria import HEADS, Criterion, criteria, verdict
+from .scene_analysis import SceneAnalysis, analysed
+
+
+ONLY = "as given"  # name of the scene where there is one
+_MAP = ("stiffnesses", "speeds", "rigid", "own_speeds", "own")
+_CAMPBELL = ("speeds", "frequencies", "growth")
+_CASE = ("largest", "scale", "scaled")
+
+
+class LateralAnalysis(eqx.Module):
+    """Lateral analysis of a machine: answers for each of its scenes, and the criteria of the standard."""
+
+    machine: Machine
+    scenes: Mapping[str, SceneAnalysis]
+
+    @property
+    def criteria(self) -> list[Criterion]:
+        """Every demand, scene by scene."""
+        parts = self.scenes.items()
+        return [one for name, part in parts for one in criteria(name, part, self.machine)]
+
+    @property
+    def passed(self) -> bool:
+        """Whether every demand is met."""
+        return all(one.passed for one in self.criteria)
+
+    def margins(self, name: str) -> list[dict[str, Any]]:
+        """Rows of the table of peaks of a scene: amplification factors and separation margins.
+
+        Each row has `case`, `probe`, `speed` [rad/s], `amplitude` (peak to peak [m]), `amplification`,
+        `margin`, `required` and `kept`.
+        """
+        return list(self.scenes[name].margins(self.machine))
+
+    def data(self) -> dict[str, Any]:
+        """All numbers in plain lists and dictionaries, SI, as for JSON; infinite ones are None."""
+        return {
+            "passed": self.passed,
+            "criteria": [_plain(one._asdict()) for one in self.criteria],
+            "scenes": {name: _data(part, self.margins(name)) for name, part in self.scenes.items()},
+        }
+
+    def _repr_html_(self) -> str:
+        rows = [one.texts for one in self.criteria]
+        return notebook_table(f"Lateral analysis: {verdict(self.passed)}", HEADS, rows)
+
+
+def lateral_analysis(
+    scene: Scene | Mapping[str, Scene], machine: Machine, *, progress: bool | None = None
+) -> LateralAnalysis:
+    """Lateral analysis in the style of API Standard 617 and API RP 684, with pass or fail of each demand.
+
+    Undamped critical speed map, Campbell diagram, damped response to the unbalance cases that the
+    standard places by mode shape, amplification factors with separation margins, close clearances, and
+    Level I stability. Contacts such as limiters are left out; films and rolling bearings are linear about
+    their static position.
+
+    Args:
+        scene: the rotor, or several by name, as with the smallest and the largest clearance of the
+            bearings: `{"smallest clearance": .., "largest clearance": ..}`.
+        machine: running range, probes, close clearances and stages.
+        progress: whether to report after two seconds that it is running; by default on a terminal.
+
+    Returns:
+        `LateralAnalysis`.
+
+    Raises:
+        ValueError: a scene has several shafts, constraints or not two bearings, `machine` has no probe, or
+            coefficients over speed do not reach from the slowest to the trip speed.
+
+    Source: API RP 684, 2nd edition (2005), standard paragraphs SP6.8.2 and SP6.8.5.
+    """
+    scenes = {ONLY: scene} if isinstance(scene, Scene) else dict(scene)
+    if not machine.probes:
+        raise ValueError(
+            "A lateral analysis reads the response at probes, but the machine has none; give `probes`."
+        )
+    if not scenes:
+        raise ValueError("A lateral analysis needs a scene, but `scene` has none; give one.")
+    with waiting(progress, "lateral analysis"):
+        return LateralAnalysis(
+            machine, {name: analysed(one, machine) for name, one in scenes.items()}
+        )
+
+
+def _data(part: SceneAnalysis, margins: list[dict[str, Any]]) -> dict[str, Any]:
+    """Numbers of a scene."""
+    read = lambda source, names: {name: getattr(source, name) for name in names}
+    own = part.stability
+    return {
+        "bearings": part.bearings.tolist(),
+        "critical_map": _plain(read(part.map, _MAP)),
+        "campbell": _plain(read(part.campbell, _CAMPBELL) | {"critical": part.critical.speeds}),
+        "margins": [_plain(row) for row in margins],
+        "cases": [
+            _plain(one.case._asdict() | read(one, _CASE))
+            | _plain(read(one.response, ("speeds", "stations", "major")))
+            for one in part.cases
+        ],
+        "level_one": _plain(read(own, [f.name for f in dataclasses.fields(own)] + ["ratio"])),
+    }
+
+
+def _plain(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Numbers and arrays as JSON has them."""
+
+    def plain(value: Any) -> Any:
+        if isinstance(value, list | tuple):
+            return [plain(one) for one in value]
+        if isinstance(value, float):
+            return value if np.isfinite(value) else None
+        return value if isinstance(value, str | bool | int) else plain(np.asarray(value).tolist())
+
+    return {name: plain(value) for name, value in values.items()}

@@ -1,0 +1,75 @@
+"""Criteria: demands of the standard on a rotor, each with the number found and its limit."""
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+
+from ...core.tables import RPM
+from ...files.machine import Machine
+from ..peaks import DAMPED
+from .damped_response import SHARE
+from .level_one import AMPLE, DECREMENT, RATIO, ratio_limit
+from .scene_analysis import BRANCHES, SceneAnalysis
+
+
+HEADS = ("paragraph", "scene", "demand", "found", "limit", "unit", "")
+
+
+class Criterion(NamedTuple):
+    """One demand of the standard: the number found, its limit, and whether it is met."""
+
+    paragraph: str  # of API RP 684 (2005)
+    scene: str
+    what: str
+    value: float
+    limit: float
+    unit: str
+    passed: bool
+
+    @property
+    def texts(self) -> tuple[str, ...]:
+        """Cells of its row in a table, below `HEADS`."""
+        numbers = f"{self.value:.4g}", f"{self.limit:.4g}"
+        return self.paragraph, self.scene, self.what, *numbers, self.unit, verdict(self.passed)
+
+
+def criteria(name: str, part: SceneAnalysis, machine: Machine) -> Iterator[Criterion]:
+    """Demands on one scene, by its name."""
+    for row in part.margins(machine):
+        if row["amplification"] < DAMPED:
+            continue
+        where = f"margin of the peak at {RPM * abs(row['speed']):.0f} rpm, {row['case']}, {row['probe']}"
+        numbers = 100 * row["margin"], 100 * row["required"]
+        yield Criterion("SP6.8.2.10", name, where, *numbers, "%", row["kept"])
+    for response in part.cases:
+        case, limit = response.case.name, 1e6 * response.limit
+        for probe, largest in zip(machine.probes, 1e6 * response.largest, strict=True):
+            what = f"largest vibration in the running range, {case}, {probe.name}"
+            yield Criterion(
+                "SP6.8.2.11", name, what, float(largest), limit, "um", bool(largest <= limit)
+            )
+        for clearance, used in zip(machine.clearances, 1e6 * response.scaled, strict=True):
+            most = SHARE * 1e6 * float(clearance.diametral)
+            what = f"scaled vibration up to trip speed, {case}, {clearance.name}"
+            yield Criterion("SP6.8.2.13", name, what, float(used), most, "um", bool(used < most))
+    running = np.abs(np.asarray(part.campbell.speeds)) <= machine.highest
+    growth = float(np.asarray(part.campbell.growth)[running].max())
+    what = f"largest growth rate up to trip speed, {BRANCHES} slowest modes"
+    yield Criterion("SP6.8.5", name, what, growth, 0.0, "1/s", growth < 0)
+    own = part.stability
+    if own.needed and machine.stages:
+        least, region = own.ratio >= RATIO, own.in_region_b and own.ratio < AMPLE
+        yield Criterion("SP6.8.5.10", name, "Q0 / QA", own.ratio, RATIO, "1", least)
+        decrement = "logarithmic decrement at QA"
+        yield Criterion(
+            "SP6.8.5.10", name, decrement, own.decrement, DECREMENT, "1", own.decrement >= DECREMENT
+        )
+        what = "critical speed ratio, of region B where Q0 / QA < 10"
+        limit = ratio_limit(own.gas_density)
+        yield Criterion("SP6.8.5.10", name, what, own.critical_ratio, limit, "1", not region)
+
+
+def verdict(passed: bool) -> str:
+    """Word for a demand that is met or not."""
+    return "pass" if passed else "FAIL"

@@ -1,0 +1,99 @@
+"""Damped unbalance response of one case: peaks at probes, and amplitudes at close clearances."""
+
+import equinox as eqx
+import numpy as np
+from jaxtyping import Float
+
+from ...core.tables import RPM
+from ...files.machine import Machine
+from ...scene import Scene
+from ..critical import CriticalSpeeds
+from ..forced import HarmonicResponse, unbalance_response
+from ..peaks import ResponsePeaks, response_peaks
+from .unbalance_cases import UnbalanceCase
+
+
+LARGEST = 25.4e-6  # m peak to peak
+AT = 12_000.0  # rpm up to which it is the limit
+LARGEST_SCALE = 6.0
+SHARE = 0.75  # of a clearance that may be used
+
+
+class CaseResponse(eqx.Module):
+    """Response of a rotor to one unbalance case, peak to peak on the major axis of its orbits."""
+
+    case: UnbalanceCase
+    peaks: tuple[ResponsePeaks, ...]  # at every probe
+    response: HarmonicResponse  # at the probes, then at the close clearances
+    limit: float  # A_vl, peak to peak [m]
+    slowest: float  # [rad/s]
+    fastest: float
+    trip: float
+
+    @property
+    def largest(self) -> Float[np.ndarray, " p"]:
+        """Largest amplitude at each probe over the running range, peak to peak [m]."""
+        speeds = np.abs(np.asarray(self.response.speeds))
+        running = (speeds >= self.slowest) & (speeds <= self.fastest)
+        return 2 * np.asarray(self.response.major)[running, : len(self.peaks)].max(axis=0)
+
+    @property
+    def scale(self) -> float:
+        """`S_cc = A_vl / A_max`, at most 6: factor of amplitudes at close clearances."""
+        return min(self.limit / max(float(self.largest.max()), 1e-300), LARGEST_SCALE)
+
+    @property
+    def scaled(self) -> Float[np.ndarray, " c"]:
+        """Largest scaled amplitude at each close clearance up to the trip speed, peak to peak [m]."""
+        below = np.abs(np.asarray(self.response.speeds)) <= self.trip
+        return (
+            2 * self.scale * np.asarray(self.response.major)[below, len(self.peaks) :].max(axis=0)
+        )
+
+
+def vibration_limit(speed: float | int) -> float:
+    """`A_vl = 25.4 sqrt(12000 / N)` um, at most 25.4 um: limit of vibration, peak to peak [m].
+
+    Args:
+        speed: maximum continuous speed N [rad/s].
+
+    Source: API RP 684 (2005), SP6.8.2.11.
+    """
+    return LARGEST * min(1.0, (AT / (RPM * abs(speed))) ** 0.5)
+
+
+def damped_response(
+    scene: Scene,
+    case: UnbalanceCase,
+    machine: Machine,
+    speeds: Float[np.ndarray, " w"],
+    critical: CriticalSpeeds,
+) -> CaseResponse:
+    """Response to an unbalance case at probes and close clearances, see `unbalance_response`.
+
+    Peaks at the probes are those of `response_peaks`; their speeds are among those at which amplitudes
+    are read.
+
+    Args:
+        scene: the rotor, linear; its own unbalance is left out.
+        case: the unbalances.
+        machine: its running range, probes and clearances.
+        speeds: speeds [rad/s], of the sense of the scene, which have the running range within.
+        critical: critical speeds of the rotor.
+
+    Returns:
+        `CaseResponse`.
+
+    Source: API RP 684 (2005), SP6.8.2.7 to SP6.8.2.13.
+    """
+    rotor = case.on(scene)
+    read = lambda probe: response_peaks(rotor, speeds, float(probe.at), critical=critical)
+    peaks = tuple(map(read, machine.probes))
+    sharp = [one.speeds[np.isfinite(one.amplitudes)] for one in peaks]
+    sense = float(scene.spin.sense)
+    ends = sense * np.array([float(machine.slowest), float(machine.fastest), machine.highest])
+    every = np.unique(np.concatenate([speeds, *sharp, ends]))
+    stations = [float(one.at) for one in (*machine.probes, *machine.clearances)]
+    found = unbalance_response(rotor, every, stations)
+    limits = vibration_limit(float(machine.fastest)), float(machine.slowest), float(machine.fastest)
+    return CaseResponse(case, peaks, found, *limits, machine.highest)

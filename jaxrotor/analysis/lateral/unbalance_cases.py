@@ -1,0 +1,195 @@
+"""Unbalance cases: where a standard puts an unbalance to excite a mode, and how much."""
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from ...core.quantities import Scalar
+from ...effects import AbstractLinear, Unbalance
+from ...equations.speed_tables import at_own_speed
+from ...files.machine import Machine
+from ...scene import Scene
+from ...shafts.virtual import VirtualLine
+from ..balancing import centre_of_mass, total_mass
+from ..critical import critical_speeds
+from ..modal import modes
+from .critical_map import own_stiffness, sprung
+
+
+RESIDUAL = 6.35e-3  # kg m rpm/kg: 6350 W / N in g mm
+FAST = 25_000.0  # rpm from which the residual unbalance is that of this speed
+TWICE = 2.0  # residual unbalances that are applied
+HIGHEST = 1.5  # times the maximum continuous speed: modes above are not excited
+MODES = 3  # shapes that place an unbalance, at most
+_POINTS = 201
+_SAME = 0.05  # of the length: cases of one kind nearer than this are one
+_NODE = 1e-3  # of the largest deflection, below which its sign counts for nothing
+
+
+class UnbalanceCase(NamedTuple):
+    """Unbalances `2 U_r` of one case, each of the mass W that the standard takes."""
+
+    name: str  # "mid-span", "quarter-span", "overhung" or "coupling"
+    critical: float  # undamped critical speed whose shape placed it [rad/s], NaN at a coupling
+    stations: tuple[float, ...]  # [m]
+    masses: tuple[float, ...]  # W [kg]
+    moments: tuple[float, ...]  # [kg m]
+
+    @property
+    def unbalances(self) -> list[Unbalance]:
+        """Unbalances of the case; a second one is opposite to the first."""
+        placed = zip(self.stations, self.moments, strict=True)
+        return [Unbalance(at, moment=u, phase=np.pi * k) for k, (at, u) in enumerate(placed)]
+
+    def on(self, scene: Scene) -> Scene:
+        """The scene with the unbalance of this case and no other one."""
+        others = (one for one in scene.effects if not isinstance(one, Unbalance))
+        return scene.of_parts(*others, *self.unbalances)
+
+
+def residual_unbalance(mass: float | int, speed: float | int) -> float:
+    """`U_r = 6350 W / N` g mm: residual unbalance [kg m]; from 25 000 rpm on `W / 3.937` g mm.
+
+    Args:
+        mass: W [kg], the static load of a journal or the overhung mass.
+        speed: maximum continuous speed N [rad/s].
+
+    Returns:
+        Unbalance [kg m].
+
+    Source: API RP 684 (2005), SP6.8.2.7.
+    """
+    return RESIDUAL * mass / min(30 / np.pi * abs(speed), FAST)
+
+
+def journal_loads(scene: Scene, bearings: Float[np.ndarray, "2"]) -> tuple[float, float]:
+    """`W_1 = m (z_2 - z_c) / (z_2 - z_1)`: masses [kg] that two bearings carry at rest.
+
+    Args:
+        scene: the rotor; seals are taken to carry nothing.
+        bearings: stations z_1, z_2 [m] of the bearings.
+
+    Returns:
+        `W_1, W_2` [kg], negative where a bearing is lifted by an overhung mass.
+    """
+    first, last = bearings.tolist()
+    mass, centre = float(total_mass(scene)), float(centre_of_mass(scene))
+    left = mass * (last - centre) / (last - first)
+    return left, mass - left
+
+
+def overhung_masses(scene: Scene, bearings: Float[np.ndarray, "2"]) -> tuple[float, float]:
+    """Masses [kg] of shaft and discs outside of each of two bearings, left and right."""
+    first, last = bearings.tolist()
+
+    def outside(x: Scalar) -> Float[Array, "2"]:
+        return jnp.stack([1.0 * (x < first), 1.0 * (x > last)])
+
+    line = VirtualLine(line=scene.line(), shapes=outside, slopes=lambda x: jnp.zeros(2))
+    parts = [scene.shaft, *scene.of(AbstractLinear)]
+    weights = [at_own_speed(scene, part).blocks(line).weight for part in parts]
+    left, right = sum((one for one in weights if one is not None), start=jnp.zeros(2)).tolist()
+    return left, right
+
+
+def unbalance_cases(
+    scene: Scene, machine: Machine, bearings: Float[np.ndarray, "2"]
+) -> list[UnbalanceCase]:
+    """Cases by the shapes of the undamped rotor, and one for each coupling.
+
+    The shapes are those at the critical speeds up to 1.5 times the maximum continuous one, of springs as
+    stiff as the bearings are at that. Where a shape is largest between the bearings and all of one sign
+    there, the unbalance is at the largest deflection, of `W_1 + W_2`. Where it has several signs, two
+    opposite ones are at the largest deflections of either sign, of `W_1` and `W_2`. Where it is largest
+    outside of the bearings, the unbalance is there, of the overhung mass, as at a coupling.
+    Source: API RP 684 (2005), SP6.8.2.7 and its figure of typical shapes.
+    """
+    fastest = float(machine.fastest)
+    rotor = sprung(scene, bearings, own_stiffness(scene, bearings, fastest))
+    found = critical_speeds(rotor, MODES)
+    speeds = [
+        s for s, kind in zip(found.speeds.tolist(), found.kinds, strict=True) if kind != "backward"
+    ]
+    within = [speed for speed in speeds if abs(speed) <= HIGHEST * fastest] or speeds[:1]
+    loads = journal_loads(scene, bearings)
+    overhung = overhung_masses(scene, bearings)
+    cases: list[UnbalanceCase] = []
+    apart = _SAME * float(scene.shaft.length)
+    for case in _by_shapes(rotor, within, bearings, fastest, loads, overhung):
+        apart = _SAME * float(scene.shaft.length)
+        near = (
+            np.abs(np.subtract(case.stations, one.stations)).max() < apart
+            for one in cases
+            if one.name == case.name
+        )
+        if not any(near):
+            cases.append(case)
+    ends = [] if machine.couplings is None else np.asarray(machine.couplings).tolist()
+    for at in ends:
+        mass = _outside(at, bearings, overhung)
+        cases.append(_case("coupling", np.nan, [at], [mass], fastest))
+    return cases
+
+
+def _by_shapes(
+    rotor: Scene,
+    speeds: list[float],
+    bearings: np.ndarray,
+    fastest: float,
+    loads: tuple[float, float],
+    overhung: tuple[float, float],
+) -> Iterator[UnbalanceCase]:
+    """Case of the shape at each critical speed."""
+    for speed in speeds:
+        stations, deflection = _shape(rotor, speed)
+        sizes = np.abs(deflection)
+        top = float(stations[sizes.argmax()])
+        inside = (stations >= bearings[0]) & (stations <= bearings[1])
+        if not bearings[0] <= top <= bearings[1]:
+            mass = _outside(top, bearings, overhung)
+            yield _case("overhung", speed, [top], [mass], fastest)
+            continue
+        seen = inside & (sizes > _NODE * sizes.max())
+        if np.ptp(np.sign(deflection[seen])) == 0:
+            yield _case("mid-span", speed, [top], [sum(loads)], fastest)
+            continue
+        within = np.flatnonzero(inside)
+        ends = sorted(float(stations[within[end]]) for end in _ends(deflection[within]))
+        yield _case("quarter-span", speed, ends, list(loads), fastest)
+
+
+def _ends(deflection: np.ndarray) -> tuple[int, int]:
+    """Indices of the largest deflections of either sign."""
+    return int(deflection.argmax()), int(deflection.argmin())
+
+
+def _outside(at: float, bearings: np.ndarray, overhung: tuple[float, float]) -> float:
+    """Mass [kg] outside of the bearing that is nearer to a station outside of both."""
+    if bearings[0] <= at <= bearings[1]:
+        raise ValueError(
+            f"A coupling is outside of the bearings, {bearings[0]:g} and {bearings[1]:g} m, but is at "
+            f"{at:g} m; leave it out."
+        )
+    return overhung[0] if at < bearings[0] else overhung[1]
+
+
+def _case(
+    name: str, critical: float, stations: list[float], masses: list[float], fastest: float
+) -> UnbalanceCase:
+    moments = tuple(TWICE * residual_unbalance(abs(mass), fastest) for mass in masses)
+    return UnbalanceCase(name, critical, tuple(stations), tuple(masses), moments)
+
+
+def _shape(rotor: Scene, speed: float) -> tuple[np.ndarray, np.ndarray]:
+    """Stations [m], and deflections along the direction of the largest one, of the whirl at a speed."""
+    found = modes(rotor.at_speed(speed), points=_POINTS)
+    k = int(np.abs(np.asarray(found.values) - 1j * speed).argmin())
+    ahead = np.asarray(found.shapes[k])
+    behind = 0 * ahead if found.counter is None else np.asarray(found.counter[k]).conj()
+    top = (np.abs(ahead) + np.abs(behind)).argmax()
+    turn = np.exp(0.5j * (np.angle(behind[top]) - np.angle(ahead[top])))  # to the major axis there
+    own = ahead * turn + behind / turn
+    return np.asarray(found.stations), (own * own[top].conj()).real / abs(own[top])

@@ -1,0 +1,136 @@
+"""Machine around a rotor: running range, probes, close clearances and stages, as a standard asks for."""
+
+import os
+import tomllib
+from typing import Literal
+
+import equinox as eqx
+import numpy as np
+
+from ..core.quantities import Scalar, Series, as_tuple, nonnegative, positive, series
+from ..core.representation import AbstractPart
+from .shipped import text_of
+from .toml_reader import built
+from .units import refuse
+
+
+COEFFICIENTS = {"centrifugal": 3.0, "axial": 1.5}  # B of Wachel's and of Alford's formula
+KINDS = tuple(COEFFICIENTS)
+TABLE = "machine"  # of a scene file
+
+
+class Probe(AbstractPart):
+    """Probe of displacement; its reading is taken as the major axis of the orbit at its station."""
+
+    at: Scalar = nonnegative("at [m]")
+    name: str = eqx.field(default="probe", static=True)
+
+
+class Clearance(AbstractPart):
+    """Close clearance, as of a seal: the smallest running clearance on the diameter."""
+
+    at: Scalar = nonnegative("at [m]")
+    diametral: Scalar = positive("diametral [m]")
+    name: str = eqx.field(default="clearance", static=True)
+
+
+class Stage(AbstractPart):
+    """Impeller or blade row whose flow drives forward whirl: `q = B P R / (D H N)`.
+
+    `P / N`, with `N` in rad/s, is its torque, `D` the diameter of the impeller or the pitch diameter of
+    the blades, `H` the smallest width of diffuser or impeller exit or the effective height of the blades.
+    A centrifugal stage has `B = 3` and `R`, the density at its discharge over that at its suction. An
+    axial one has `B = 1.5` and no `R`. Without `at` it acts at the middle of the bearing span.
+    Source: API RP 684 (2005), SP6.8.5.6, where `C = 9.55` turns rpm into rad/s; Wachel, von Nimitz (1981);
+    Alford (1965).
+    """
+
+    power: Scalar = nonnegative("power [W]")
+    diameter: Scalar = positive("diameter [m]")
+    width: Scalar = positive("width [m]")
+    density_ratio: Scalar = positive("density_ratio [1]", default=None)
+    kind: Literal["centrifugal", "axial"] = eqx.field(default="centrifugal", static=True)
+    at: Scalar = nonnegative("at [m]", default=None)
+    name: str = eqx.field(default="stage", static=True)
+
+    def __check_init__(self):
+        if self.kind not in KINDS:
+            raise ValueError(f"`kind` must be one of {KINDS}, but is {self.kind!r}.")
+        if (self.kind == "centrifugal") == (self.density_ratio is None):
+            raise ValueError(
+                "A centrifugal stage needs `density_ratio [1]`, the density at its discharge over that at "
+                "its suction; an axial one has none."
+            )
+
+    def cross_coupling(self, speed: float | int) -> float:
+        """Anticipated cross-coupled stiffness q [N/m] at a speed [rad/s]."""
+        ratio = 1.0 if self.density_ratio is None else float(self.density_ratio)
+        torque = float(self.power) / abs(float(speed))
+        return COEFFICIENTS[self.kind] * torque * ratio / float(self.diameter * self.width)
+
+
+class Machine(AbstractPart):
+    """Data of a machine that are not of its rotor: speeds, bearings, probes, clearances, stages.
+
+    Speeds are magnitudes. `slowest` and `fastest` are the minimum operating and the maximum continuous
+    speed, `trip` is by default 5 % above. `bearings` are the stations of the two journal bearings, by
+    default those of the scene, where it has two. `couplings` are stations of half couplings, each outside
+    of the bearings. `gas_density` is the mean of suction and discharge.
+    """
+
+    slowest: Scalar = positive("slowest [rad/s]")
+    fastest: Scalar = positive("fastest [rad/s]")
+    trip: Scalar = positive("trip [rad/s]", default=None)
+    bearings: Series = series("bearings [m]", ascending=True, nonnegative=True, default=None)
+    probes: tuple[Probe, ...] = eqx.field(default=(), converter=as_tuple)
+    clearances: tuple[Clearance, ...] = eqx.field(default=(), converter=as_tuple)
+    stages: tuple[Stage, ...] = eqx.field(default=(), converter=as_tuple)
+    couplings: Series = series("couplings [m]", nonnegative=True, least=1, default=None)
+    gas_density: Scalar = nonnegative("gas_density [kg/m^3]", default=None)
+
+    def __check_init__(self):
+        if not self.slowest <= self.fastest <= self.highest:
+            raise ValueError(
+                "`slowest`, `fastest` and `trip [rad/s]` must be in this order, but are "
+                f"{float(self.slowest):g}, {float(self.fastest):g} and {self.highest:g}."
+            )
+        if self.bearings is not None and np.size(self.bearings) != 2:
+            raise ValueError(
+                f"`bearings [m]` must be the stations of two bearings, but has {np.size(self.bearings)}."
+            )
+
+    @property
+    def highest(self) -> float:
+        """Trip speed [rad/s]."""
+        return float(1.05 * self.fastest if self.trip is None else self.trip)
+
+    @property
+    def anticipated(self) -> float:
+        """Sum Q_A of the anticipated cross-coupled stiffnesses of all stages [N/m], at `fastest`."""
+        return sum(stage.cross_coupling(float(self.fastest)) for stage in self.stages)
+
+
+def machine(name_or_path: str | os.PathLike[str]) -> Machine:
+    """The `[machine]` table of a scene file, with its probes, clearances and stages.
+
+    Args:
+        name_or_path: path of a file, or name of a shipped scene.
+
+    Returns:
+        `Machine`.
+
+    Raises:
+        SceneError: the file cannot be read, has no such table, or this is no machine.
+    """
+    text, source = text_of(name_or_path)
+    try:
+        document = tomllib.loads(text)
+    except ValueError as error:
+        refuse(source, f"is not valid TOML: {error}.")
+    if TABLE not in document:
+        refuse(
+            source,
+            "has no [machine]; a lateral analysis needs its slowest and fastest speed and its probes, see "
+            "docs/scene-files.md.",
+        )
+    return built(Machine, document[TABLE], f"{source}: {TABLE}", "machine")

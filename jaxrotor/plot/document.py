@@ -1,0 +1,183 @@
+"""Document: headings, sentences, numbered tables and figures, as one HTML or PDF file."""
+
+import html
+import io
+import os
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from string import Template
+from typing import Any, NamedTuple
+
+import matplotlib
+from matplotlib import rc_context
+from matplotlib.figure import Figure
+
+from ..core.tables import html_table
+from ..files.draft import replacing
+from .page import STYLE, inches
+from .report import TEMPLATE, image
+
+
+ENDINGS = (".html", ".pdf")
+_DPI = 200
+_FONT = "DejaVu"
+_MARGIN, _WIDTH = 18.0, 174.0  # mm of an A4 page
+_RED = (180, 30, 20)
+
+
+class Heading(NamedTuple):
+    """Heading of a section."""
+
+    text: str
+
+
+class Sentence(NamedTuple):
+    """A paragraph."""
+
+    text: str
+
+
+class Table(NamedTuple):
+    """Table below its caption; columns in `numbers` are aligned to the right, "FAIL" is red."""
+
+    caption: str
+    heads: Sequence[str]
+    rows: Sequence[Sequence[str]]
+    numbers: Sequence[int] = ()
+
+
+class Picture(NamedTuple):
+    """Figure above its caption: `draw(axes)` in new Axes of a size [mm]."""
+
+    caption: str
+    draw: Callable[[Any], Any]
+    width: int = 170
+    height: int = 90
+    rows: int = 1
+    columns: int = 1
+
+
+Part = Heading | Sentence | Table | Picture
+
+
+def write_document(path: str | os.PathLike[str], title: str, parts: Sequence[Part]) -> None:
+    """Write a document to .html or .pdf; an existing file is replaced once the new one is complete.
+
+    Args:
+        path: the file, which ends in .html or .pdf; the latter needs `pip install 'jaxrotor[pdf]'`.
+        title: heading of the document.
+        parts: its parts in order; tables and figures are numbered.
+
+    Raises:
+        ValueError: the ending is another one, or the package for PDF is not installed.
+    """
+    target = Path(path)
+    if target.suffix not in ENDINGS:
+        raise ValueError(f"A document ends in {' or '.join(ENDINGS)}, but is {target.name}.")
+    captioned = list(_numbered(parts))
+    with replacing(target) as draft:
+        if target.suffix == ".html":
+            draft.write_text(_html(title, captioned), "utf-8", newline="\n")
+        else:
+            draft.write_bytes(_pdf(title, captioned))
+
+
+def _numbered(parts: Sequence[Part]) -> Any:
+    """The parts, with "Table 3: " and "Figure 2: " before their captions."""
+    counts = {Table: 0, Picture: 0}
+    for part in parts:
+        if isinstance(part, Table | Picture):
+            counts[type(part)] += 1
+            noun = "Table" if isinstance(part, Table) else "Figure"
+            part = part._replace(caption=f"{noun} {counts[type(part)]}: {part.caption}")
+        yield part
+
+
+def _drawn(picture: Picture) -> bytes:
+    """PNG of a picture."""
+    buffer = io.BytesIO()
+    with rc_context(STYLE):
+        size = inches(picture.width, picture.height)
+        figure = Figure(figsize=size, dpi=_DPI, layout="constrained")
+        picture.draw(figure.subplots(picture.rows, picture.columns, sharex=picture.columns == 1))
+        figure.savefig(buffer, format="png")
+    return buffer.getvalue()
+
+
+def _html(title: str, parts: Sequence[Part]) -> str:
+    lines = []
+    for part in parts:
+        match part:
+            case Heading(text):
+                lines.append(f"<h2>{html.escape(text)}</h2>")
+            case Sentence(text):
+                lines.append(f"<p>{html.escape(text)}</p>")
+            case Table():
+                lines.append(f"<h3>{html.escape(part.caption)}</h3>")
+                lines.append(html_table(part.rows, part.heads, part.numbers))
+            case Picture():
+                lines.append(image(_drawn(part), "png", part.caption))
+    body = "\n".join(lines).replace(">FAIL<", ' style="color: #b41e14; font-weight: bold">FAIL<')
+    return Template(TEMPLATE.read_text("utf-8")).substitute(title=html.escape(title), body=body)
+
+
+def _pdf(title: str, parts: Sequence[Part]) -> bytes:
+    try:
+        from fpdf import FPDF
+        from fpdf.fonts import FontFace
+    except ImportError:
+        raise ValueError(
+            "Writing .pdf needs the package fpdf2, which is not installed; add it by `pip install fpdf2`, "
+            "or write .html."
+        ) from None
+    fonts = Path(matplotlib.get_data_path()) / "fonts" / "ttf"
+    pdf = FPDF()
+    pdf.set_title(title)
+    pdf.set_margin(_MARGIN)
+    pdf.add_font(_FONT, "", fonts / "DejaVuSans.ttf")
+    pdf.add_font(_FONT, "B", fonts / "DejaVuSans-Bold.ttf")
+    pdf.add_page()
+
+    def text(size: float, words: str, style: str = "", after: float = 2.0) -> None:
+        pdf.set_font(_FONT, style, size)
+        pdf.multi_cell(0, 0.5 * size, words, align="L", new_x="LMARGIN", new_y="NEXT")
+        pdf.ln(after)
+
+    text(15, title, "B", 4)
+    for part in parts:
+        match part:
+            case Heading(words):
+                if pdf.get_y() > 0.8 * pdf.h:
+                    pdf.add_page()
+                text(12, words, "B")
+            case Sentence(words):
+                text(9, words)
+            case Picture():
+                height = _WIDTH * part.height / part.width
+                if pdf.get_y() + height + 12 > pdf.h - _MARGIN:
+                    pdf.add_page()
+                pdf.image(io.BytesIO(_drawn(part)), w=_WIDTH, h=height)
+                text(8, part.caption, after=4)
+            case Table():
+                if pdf.get_y() > 0.85 * pdf.h:
+                    pdf.add_page()
+                text(8, part.caption, "B", 1)
+                pdf.set_font(_FONT, "", 7)
+                failed = FontFace(color=_RED, emphasis="BOLD")
+                aligned = ["RIGHT" if k in part.numbers else "LEFT" for k in range(len(part.heads))]
+                widths = _widths(part)
+                options: Any = {"text_align": aligned, "col_widths": widths, "line_height": 4.0}
+                with pdf.table(borders_layout="HORIZONTAL_LINES", **options) as table:
+                    table.row(list(part.heads))
+                    for cells in part.rows:
+                        row = table.row()
+                        for cell in cells:
+                            row.cell(cell, style=failed if cell == "FAIL" else None)
+                pdf.ln(4)
+    return bytes(pdf.output())
+
+
+def _widths(table: Table) -> list[int]:
+    """Relative widths of the columns: that of the longest text, within bounds."""
+    columns = zip(table.heads, *table.rows, strict=True)
+    return [min(max(6, *map(len, column)) + 2, 48) for column in columns]

@@ -1,0 +1,99 @@
+"""Lateral analysis: undamped critical speed map, and Level I stability."""
+
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+
+from ..analysis.lateral import CriticalMap, LevelOne, ratio_limit
+from ..analysis.lateral.level_one import DECREMENT
+from . import colours, labels, page
+from .units import speed_unit
+
+
+_DASHES = "-", "--"  # of the direct stiffnesses of a bearing along x and y
+
+
+def critical_map(
+    result: CriticalMap,
+    ax: Axes | None = None,
+    operating: tuple[float | int, float | int] | None = None,
+) -> Axes:
+    """Forward critical speeds over the stiffness of the bearings, and the bearings' own over it.
+
+    Where a curve of a bearing crosses a branch, the undamped rotor is critical.
+
+    Args:
+        result: result of `jaxrotor.critical_map`.
+        ax: Axes to draw in; a new figure if None.
+        operating: slowest and fastest operating speed [rad/s], shaded.
+
+    Returns:
+        The Axes, both of its axes logarithmic.
+
+    Source: API RP 684 (2005), 2.3.
+    """
+    ax = page.single(ax, 170, 95)
+    turns, unit = speed_unit()
+    for number, branch in enumerate(turns * result.speeds.T, 1):
+        page.curve(ax, result.stiffnesses, branch, colours.BLUE, page.once(ax, "critical speeds"))
+        ax.annotate(str(number), (result.stiffnesses[-1], branch[-1]), fontsize=page.TEXT)
+    for number, bearing in enumerate(np.moveaxis(result.own, 1, 0)):
+        own = [bearing[:, :1]] if np.allclose(*bearing.T) else [bearing[:, :1], bearing[:, 1:]]
+        for axis, dashes, stiffness in zip("xy", _DASHES, own, strict=False):
+            where = "" if len(own) == 1 else f", k{axis}{axis}"
+            name = f"bearing at {result.bearings[number]:g} m{where}"
+            colour = colours.cycled(number + 1)
+            page.curve(ax, stiffness, turns * result.own_speeds, colour, name, linestyle=dashes)
+    ax.set_xscale("log")
+    ax.set_yscale("log")
+    ax.set_xlim(result.stiffnesses[0], result.stiffnesses[-1])
+    if operating is not None:
+        low, high = (turns * abs(end) for end in operating)
+        ax.axhspan(low, high, color=colours.TEAL, alpha=0.2, linewidth=0, label="running range")
+    name = f"critical speed [{unit}]"
+    return page.finish(ax, "stiffness of every bearing [N/m]", name, columns=3)
+
+
+def level_one(result: LevelOne, axes: Any = None) -> tuple[Axes, Axes]:
+    """Logarithmic decrement over the cross-coupled stiffness, and the critical speed ratio over density.
+
+    Marks are Q_A, the anticipated stiffness, and Q_0, at which the rotor becomes unstable. Beside it the
+    regions A and B of the standard, with the machine where its gas density is known.
+
+    Args:
+        result: `stability` of a scene of `jaxrotor.lateral_analysis`.
+        axes: two Axes beside each other; a new figure if None.
+
+    Returns:
+        The two Axes.
+
+    Source: API RP 684 (2005), SP6.8.5.
+    """
+    left, right = page.pair(axes, 170, 75, beside=True)
+    page.curve(left, 1e-6 * result.applied, result.decrements, colours.BLUE)
+    page.zero(left)
+    left.axhline(DECREMENT, color=colours.GREY, linewidth=0.8, linestyle=":")
+    marks = (
+        (result.anticipated, result.decrement, "Q_A", colours.ORANGE),
+        (result.threshold, 0.0, "Q_0", colours.RED),
+    )
+    for stiffness, decrement, name, colour in marks:
+        if 0 < stiffness <= result.applied[-1]:
+            label = f"${name}$ = {1e-6 * stiffness:.3g} MN/m"
+            left.plot(1e-6 * stiffness, decrement, "o", color=colour, markersize=4, label=label)
+    page.finish(left, "cross-coupled stiffness [MN/m]", "logarithmic decrement", columns=2)
+    known = np.isfinite(result.gas_density)
+    densities = np.linspace(0.0, max(100.0, 1.2 * result.gas_density if known else 0.0), 401)
+    limits = [ratio_limit(one) for one in densities.tolist()]
+    top = 1.25 * max(3.2, result.critical_ratio)
+    right.fill_between(densities, limits, top, color=colours.ORANGE, alpha=0.2, linewidth=0)
+    for x, y, name in ((0.62, 0.9, "region B"), (0.06, 0.06, "region A")):
+        right.text(x, y, name, transform=right.transAxes, fontsize=page.TEXT)
+    if known:
+        where = result.gas_density, result.critical_ratio
+        right.plot(*where, "o", color=colours.BLUE, markersize=4, label="this machine")
+    right.set_xlim(0.0, densities[-1])
+    right.set_ylim(0.0, top)
+    name = labels.words("critical speed ratio")
+    return left, page.finish(right, "mean gas density [kg/m$^3$]", name, columns=1)
