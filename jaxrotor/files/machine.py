@@ -89,6 +89,10 @@ class Machine(AbstractPart):
     gas_density: Scalar = nonnegative("gas_density [kg/m^3]", default=None)
 
     def __check_init__(self):
+        for name, kind in (("probes", Probe), ("clearances", Clearance), ("stages", Stage)):
+            members = getattr(self, name)
+            if not isinstance(members, tuple) or not all(isinstance(m, kind) for m in members):
+                raise ValueError(f"`{name}` must be a list of {kind.__name__}, but is {members!r}.")
         if not self.slowest <= self.fastest <= self.highest:
             raise ValueError(
                 "`slowest`, `fastest` and `trip [rad/s]` must be in this order, but are "

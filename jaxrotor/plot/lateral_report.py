@@ -7,6 +7,7 @@ from functools import partial
 import numpy as np
 
 from ..analysis.lateral import HEADS, CaseResponse, LateralAnalysis, SceneAnalysis, verdict
+from ..core.quantities import with_values
 from ..core.tables import RPM
 from ..files.machine import Machine
 from ..results.provenance import versions
@@ -106,7 +107,10 @@ def _scene(name: str, part: SceneAnalysis, result: LateralAnalysis) -> Iterator[
     sense = float(part.scene.spin.sense)
     operating = tuple(sense * end for end in running)
     yield Heading(f"Rotor, {name}")
-    yield Picture("the rotor, to scale", partial(rotor, part.scene), height=70)
+    if part.scene.assumption:
+        yield Sentence(f"Assumption: {part.scene.assumption}.")
+    plain = with_values(part.scene, assumption="")
+    yield Picture("the rotor, to scale", partial(rotor, plain), height=70)
     drawn = partial(critical_map, part.map, operating=running)
     yield Picture(
         "undamped critical speed map, with the stiffness of the bearings", drawn, height=95

@@ -5,7 +5,7 @@ from typing import Any
 
 import equinox as eqx
 import numpy as np
-from jaxtyping import ArrayLike, Float
+from jaxtyping import Float
 
 from ...core.plausibility import ImplausibleWarning
 from ...core.quantities import with_values
@@ -21,7 +21,7 @@ from ...effects.base import AbstractCasing, AbstractDamping
 from ...effects.layout import check_one_shaft
 from ...equations.speed_tables import speed_range
 from ...scene import Scene
-from ...shafts import Constraint, FlexibleShaft, RigidShaft
+from ...shafts import Constraint, FlexibleShaft
 from ..balancing import bearing_stations
 from ..critical import critical_speeds
 from ..linearized import BEARINGS, linearized
@@ -44,7 +44,7 @@ class CriticalMap(eqx.Module):
 
     stiffnesses: Float[np.ndarray, " s"]  # [N/m]
     speeds: Float[np.ndarray, "s c"]  # [rad/s], NaN where there are fewer
-    rigid: Float[np.ndarray, " c"]  # on rigid bearings [rad/s]
+    rigid: Float[np.ndarray, " c"]  # on rigid bearings [rad/s], NaN of a shaft that does not bend
     bearings: Float[np.ndarray, " b"]  # stations [m]
     own_speeds: Float[np.ndarray, " w"]  # [rad/s]
     own: Float[np.ndarray, "w b 2"]  # kxx and kyy [N/m]
@@ -52,10 +52,10 @@ class CriticalMap(eqx.Module):
 
 def critical_map(
     scene: Scene,
-    stiffnesses: ArrayLike | None = None,
+    stiffnesses: Any = None,
     count: int = 4,
     *,
-    bearings: ArrayLike | None = None,
+    bearings: Any = None,
     highest: float | int | None = None,
 ) -> CriticalMap:
     """`det( K0 + k Sum column row - Omega^2 (M - G) ) = 0`: critical speeds on bearings of stiffness k.
@@ -105,7 +105,7 @@ def critical_map(
         )  # of the softest and the hardest springs
         first = sprung(scene, stations, np.full((2, 2), springs[0]))
         rows = [_forward(first.replace({"supports.stiffness": k}), count) for k in springs.tolist()]
-    rigid = _forward(_held(scene, stations), count)
+    rigid = _rigid(scene, stations, count)
     return CriticalMap(springs, np.stack(rows), rigid, stations, speeds, own)
 
 
@@ -145,13 +145,12 @@ def _forward(scene: Scene, count: int) -> Float[np.ndarray, " c"]:
     return np.pad(found, (0, count - found.size), constant_values=np.nan)
 
 
-def _held(scene: Scene, stations: Float[np.ndarray, "2"]) -> Scene:
-    """The rotor held at the stations of its bearings."""
-    shaft = scene.shaft
-    if not isinstance(shaft, FlexibleShaft | RigidShaft):
-        raise ValueError(f"A critical speed map needs a shaft with mass, but has {shaft!r}.")
-    held = with_values(shaft, constraints=tuple(map(Constraint, stations.tolist())))
-    return Scene(held, *_bare(scene), spin=scene.spin)
+def _rigid(scene: Scene, stations: Float[np.ndarray, "2"], count: int) -> np.ndarray:
+    """Critical speeds of the shaft held at its bearings [rad/s]; NaN of a rigid one, which has none."""
+    if not isinstance(scene.shaft, FlexibleShaft):
+        return np.full(count, np.nan)
+    held = with_values(scene.shaft, constraints=tuple(map(Constraint, stations.tolist())))
+    return _forward(Scene(held, *_bare(scene), spin=scene.spin), count)
 
 
 def _own(scene: Scene, stations: np.ndarray, highest: float | int | None) -> tuple[Any, Any]:

@@ -26,6 +26,7 @@ HIGHEST = 1.5  # times the maximum continuous speed: modes above are not excited
 MODES = 3  # shapes that place an unbalance, at most
 _POINTS = 201
 _SAME = 0.05  # of the length: cases of one kind nearer than this are one
+_FLAT = 0.99  # of the largest deflection, from which the station nearest to the middle counts
 _NODE = 1e-3  # of the largest deflection, below which its sign counts for nothing
 
 
@@ -146,7 +147,8 @@ def _by_shapes(
     for speed in speeds:
         stations, deflection = _shape(rotor, speed)
         sizes = np.abs(deflection)
-        top = float(stations[sizes.argmax()])
+        largest = stations[sizes >= _FLAT * sizes.max()]
+        top = float(largest[np.abs(largest - bearings.mean()).argmin()])
         inside = (stations >= bearings[0]) & (stations <= bearings[1])
         if not bearings[0] <= top <= bearings[1]:
             mass = _outside(top, bearings, overhung)
