@@ -571,4 +571,45 @@ rate = "-400 rad/s"                # negative: a backward whirl
 angle = "0 deg"
 """
     ],
+    "machine": [
+        """\
+[machine]                          # what `jaxrotor api` asks for
+slowest = "7000 rpm"               # minimum operating speed
+fastest = "10000 rpm"              # maximum continuous speed
+trip = "10500 rpm"
+bearings = ["0.25 m", "2.15 m"]    # those of the scene, where it has two
+couplings = ["0.04 m"]
+gas_density = "20 kg/m^3"          # mean of suction and discharge
+probes = [{at = "0.31 m", name = "drive end"}, {at = "2.09 m", name = "thrust end"}]
+clearances = [{at = "1.2 m", diametral = "0.5 mm"}]
+stages = [{power = "600 kW", diameter = "400 mm", width = "16 mm", density_ratio = 1.16}]
+"""
+    ],
+    "probe": [
+        """\
+[[machine.probes]]
+at = "0.31 m"
+name = "drive end"
+"""
+    ],
+    "close clearance": [
+        """\
+[[machine.clearances]]
+at = "1.95 m"
+diametral = "0.4 mm"
+name = "balance drum"
+"""
+    ],
+    "stage": [
+        """\
+[[machine.stages]]
+kind = "centrifugal"               # or "axial", which has no density ratio
+name = "stage 1"
+at = "0.6 m"                       # only of an overhung machine
+power = "620 kW"
+diameter = "400 mm"
+width = "22 mm"
+density_ratio = 1.18
+"""
+    ],
 }

@@ -16,6 +16,7 @@ from scene_examples import EXAMPLES
 from jaxrotor import shafts, spins
 from jaxrotor.core.quantities import is_series, takes_matrix, takes_table, unit_of
 from jaxrotor.effects import CoaxialShaft
+from jaxrotor.files.machine import Clearance, Machine, Probe, Stage
 from jaxrotor.files.several_shafts import KEYS
 from jaxrotor.files.toml_reader import choices_of
 from jaxrotor.files.vocabulary import COUNTS, FORMS, START, exported, models
@@ -68,7 +69,7 @@ def page() -> str:
         parts += [_form(form) for form in FORMS if form.of is cls]
     parts += ["## Rotation\n", "One of these models.\n"]
     parts += [_part(name, cls, "[spin]") for name, cls in models(spins, AbstractSpin).items()]
-    return "\n".join([*parts, _sweep()])
+    return "\n".join([*parts, _sweep(), *_machine()])
 
 
 def examples(name: str) -> list[str]:
@@ -129,6 +130,18 @@ def _sweep() -> str:
         'Values are a list, or `"start : stop : count"`. Options of the command line override them.\n',
     ]
     return "\n".join([*head, _table("sweep", rows), *_blocks("sweep")])
+
+
+def _machine() -> list[str]:
+    """The machine around a rotor, and what it has many of."""
+    tables = {
+        "machine": (Machine, "[machine]"),
+        "probe": (Probe, "[[machine.probes]]"),
+        "close clearance": (Clearance, "[[machine.clearances]]"),
+        "stage": (Stage, "[[machine.stages]]"),
+    }
+    told = "What `jaxrotor api` asks for; nothing else reads it, and `save` does not write it."
+    return [f"## The machine\n\n{told}\n", *(_part(name, *own) for name, own in tables.items())]
 
 
 def _section(name: str, title: str, described: typing.Any, rows: list) -> str:

@@ -66,6 +66,7 @@ from .analysis import (
     inertia_from_frequency as inertia_from_frequency,
     influence_coefficients as influence_coefficients,
     lateral_analysis as lateral_analysis,
+    level_one as level_one,
     linearized as linearized,
     mass_properties as mass_properties,
     modes as modes,
@@ -192,6 +193,7 @@ from .orbits import (
     periodic as periodic,
     torus as torus,
 )
+from .plot.lateral_report import lateral_report as lateral_report
 from .plot.report import report as report
 from .results.dataset import dataset as dataset
 from .results.export import export as export, table as table

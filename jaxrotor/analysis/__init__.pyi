@@ -50,6 +50,7 @@ from .lateral import (
     UnbalanceCase as UnbalanceCase,
     critical_map as critical_map,
     lateral_analysis as lateral_analysis,
+    level_one as level_one,
     residual_unbalance as residual_unbalance,
     vibration_limit as vibration_limit,
 )

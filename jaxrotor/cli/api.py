@@ -10,6 +10,7 @@ from ..analysis.lateral import HEADS, ONLY, LateralAnalysis, lateral_analysis
 from ..files.machine import machine
 from ..files.toml import title
 from ..plot.lateral_report import lateral_report
+from ..scene import Scene
 from . import answer, options
 from .output import draft, written_to
 
@@ -43,7 +44,7 @@ def api(
     """
     names = [scene] if largest is None else [scene, largest]
     rotors = [options.scene_with(name, settings) for name in names]
-    scenes = dict(zip((ONLY,) if largest is None else NAMES, rotors, strict=True))
+    scenes: dict[str, Scene] = dict(zip((ONLY,) if largest is None else NAMES, rotors, strict=True))
     found = lateral_analysis(scenes, machine(scene))
     files: list[str] = []
     if out is not None:

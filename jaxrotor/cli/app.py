@@ -35,7 +35,7 @@ _SUMMARIES = {
     "without contact.",
     "response": "Steady response to unbalance: its peaks, "
     "and its values at operating and critical speeds.",
-    "api": "Lateral analysis in the style of API 617, with pass or fail of each demand, and its report.",
+    "api": "Lateral analysis in the style of API 617 and API RP 684, with pass or fail of each demand.",
     "balance": "Balance a rotor as a rigid body: corrections in two planes, and grade G before and after.",
     "simulate": "Simulate one motion in time: radius, whirl and contact; with --out, data and pictures.",
     "run-up": "Simulate a run-up or any other change of speed: peak, speeds, contact and balls.",

@@ -111,7 +111,8 @@ class Machine(AbstractPart):
     @property
     def anticipated(self) -> float:
         """Sum Q_A of the anticipated cross-coupled stiffnesses of all stages [N/m], at `fastest`."""
-        return sum(stage.cross_coupling(float(self.fastest)) for stage in self.stages)
+        each = (stage.cross_coupling(float(self.fastest)) for stage in self.stages)
+        return sum(each, start=0.0)
 
 
 def machine(name_or_path: str | os.PathLike[str]) -> Machine:

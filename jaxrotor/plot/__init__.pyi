@@ -16,6 +16,8 @@ from .histories import (
     speed as speed,
     whirl_history as whirl_history,
 )
+from .lateral import critical_map as critical_map, level_one as level_one
+from .lateral_report import lateral_report as lateral_report
 from .modes import mode_shapes as mode_shapes, modes3d as modes3d
 from .orbit import (
     animate as animate,

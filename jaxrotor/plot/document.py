@@ -138,7 +138,7 @@ def _pdf(title: str, parts: Sequence[Part]) -> bytes:
     pdf.add_font(_FONT, "B", fonts / "DejaVuSans-Bold.ttf")
     pdf.add_page()
 
-    def text(size: float, words: str, style: str = "", after: float = 2.0) -> None:
+    def text(size: int, words: str, style: str = "", after: int = 2) -> None:
         pdf.set_font(_FONT, style, size)
         pdf.multi_cell(0, 0.5 * size, words, align="L", new_x="LMARGIN", new_y="NEXT")
         pdf.ln(after)

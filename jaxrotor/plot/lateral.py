@@ -38,13 +38,15 @@ def critical_map(
     for number, branch in enumerate(turns * result.speeds.T, 1):
         page.curve(ax, result.stiffnesses, branch, colours.BLUE, page.once(ax, "critical speeds"))
         ax.annotate(str(number), (result.stiffnesses[-1], branch[-1]), fontsize=page.TEXT)
-    for number, bearing in enumerate(np.moveaxis(result.own, 1, 0)):
-        own = [bearing[:, :1]] if np.allclose(*bearing.T) else [bearing[:, :1], bearing[:, 1:]]
+    alike = np.allclose(result.own[:, :1], result.own)
+    bearings = zip(result.bearings.tolist(), np.moveaxis(result.own, 1, 0), strict=True)
+    for number, (at, bearing) in enumerate(list(bearings)[: 1 if alike else None], 1):
+        own = [bearing[:, 0]] if np.allclose(*bearing.T) else list(bearing.T)
         for axis, dashes, stiffness in zip("xy", _DASHES, own, strict=False):
             where = "" if len(own) == 1 else f", k{axis}{axis}"
-            name = f"bearing at {result.bearings[number]:g} m{where}"
-            colour = colours.cycled(number + 1)
-            page.curve(ax, stiffness, turns * result.own_speeds, colour, name, linestyle=dashes)
+            name = f"bearings{where}" if alike else f"bearing at {at:g} m{where}"
+            colour, speeds = colours.cycled(number), turns * result.own_speeds
+            page.curve(ax, stiffness, speeds, colour, name, linestyle=dashes)
     ax.set_xscale("log")
     ax.set_yscale("log")
     ax.set_xlim(result.stiffnesses[0], result.stiffnesses[-1])

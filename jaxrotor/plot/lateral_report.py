@@ -105,7 +105,7 @@ def _scene(name: str, part: SceneAnalysis, result: LateralAnalysis) -> Iterator[
     machine = result.machine
     running = float(machine.slowest), float(machine.fastest)
     sense = float(part.scene.spin.sense)
-    operating = tuple(sense * end for end in running)
+    operating = sense * running[0], sense * running[1]
     yield Heading(f"Rotor, {name}")
     if part.scene.assumption:
         yield Sentence(f"Assumption: {part.scene.assumption}.")
@@ -176,7 +176,7 @@ def _cases(part: SceneAnalysis, machine: Machine) -> Table:
 
 
 def _responses(
-    case: CaseResponse, machine: Machine, operating: tuple[float, ...]
+    case: CaseResponse, machine: Machine, operating: tuple[float, float]
 ) -> Iterator[Part]:
     for number, (probe, peaks) in enumerate(zip(machine.probes, case.peaks, strict=True)):
         marks = {"station": number, "peaks": peaks, "operating": operating}

@@ -5,7 +5,7 @@ import pytest
 
 import jaxrotor as jr
 from jaxrotor.analysis.lateral.critical_map import bearings_of
-from jaxrotor.analysis.lateral.level_one import level_one, ratio_limit
+from jaxrotor.analysis.lateral.level_one import ratio_limit
 from jaxrotor.analysis.lateral.unbalance_cases import (
     journal_loads,
     overhung_masses,
@@ -193,11 +193,14 @@ def test_ross_finds_the_same_level_one():
     """`run_level1(n=24, stiffness_range=(0, 4e5), num=5)` of 48 elements, of which Q_A is the second."""
     stage = jr.Stage(1e5 * 0.4 * 0.02 * 600 / 3, 0.4, 0.02, 1.0)
     machine = jr.Machine(500.0, 600.0, probes=[jr.Probe(0.1)], stages=[stage])
-    own = level_one(of_ross(), machine, np.array([0.0, 1.5]), 128.7)
+    own = jr.level_one(of_ross(), machine)
     expected = [0.002038753284494133, -0.3282664252090225, -0.6524327151395808]
     expected += [-0.965024414542046, -1.2618140526004198]
     np.testing.assert_allclose(own.decrements[:9:2], expected, rtol=1e-4, atol=1e-8)
     np.testing.assert_allclose(own.applied[:9:2], [0.0, 1e5, 2e5, 3e5, 4e5], rtol=1e-12)
+    assert own.critical_ratio == pytest.approx(
+        600 / 128.71, rel=1e-3
+    )  # rigid: `run_ucs` of 1e10 N/m
 
 
 def test_ross_finds_the_same_response():
@@ -216,11 +219,10 @@ def test_cross_coupling_acts_at_overhung_stages_by_their_shares():
     """Two discs outside; of one at each end of a rigid shaft, the sum of both drives the bounce."""
     stages = [jr.Stage(2e5, 0.4, 0.02, 1.2, at=at) for at in (0.0, 1.0)]
     machine = jr.Machine(900.0, 1000.0, probes=[jr.Probe(0.5)], stages=stages)
-    bearings = np.array([0.3, 0.7])
-    held = [jr.Support(float(at), SPRING, DAMPER) for at in bearings]
+    held = [jr.Support(at, SPRING, DAMPER) for at in (0.3, 0.7)]
     disc = jr.Disc(0.5, MASS, 0.4, 0.2)
     scene = jr.Scene(jr.RigidShaft(1.0), disc, held, spin=jr.ConstantSpeed(1000.0))
-    own = level_one(scene, machine, bearings, 500.0)
+    own = jr.level_one(scene, machine)
     assert own.stations == (0.0, 1.0)
     assert own.shares == (0.5, 0.5)
     # Bounce has Q, rocking Q l^2 / 4 of both ends, with l = 1, about `(d^2 / 2) c` and inertia 0.4.

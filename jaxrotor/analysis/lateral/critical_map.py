@@ -105,7 +105,7 @@ def critical_map(
         )  # of the softest and the hardest springs
         first = sprung(scene, stations, np.full((2, 2), springs[0]))
         rows = [_forward(first.replace({"supports.stiffness": k}), count) for k in springs.tolist()]
-    rigid = _rigid(scene, stations, count)
+    rigid = rigid_speeds(scene, stations, count)
     return CriticalMap(springs, np.stack(rows), rigid, stations, speeds, own)
 
 
@@ -145,7 +145,7 @@ def _forward(scene: Scene, count: int) -> Float[np.ndarray, " c"]:
     return np.pad(found, (0, count - found.size), constant_values=np.nan)
 
 
-def _rigid(scene: Scene, stations: Float[np.ndarray, "2"], count: int) -> np.ndarray:
+def rigid_speeds(scene: Scene, stations: Float[np.ndarray, "2"], count: int) -> np.ndarray:
     """Critical speeds of the shaft held at its bearings [rad/s]; NaN of a rigid one, which has none."""
     if not isinstance(scene.shaft, FlexibleShaft):
         return np.full(count, np.nan)

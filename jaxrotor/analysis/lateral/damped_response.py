@@ -25,10 +25,10 @@ class CaseResponse(eqx.Module):
     case: UnbalanceCase
     peaks: tuple[ResponsePeaks, ...]  # at every probe
     response: HarmonicResponse  # at the probes, then at the close clearances
-    limit: float  # A_vl, peak to peak [m]
-    slowest: float  # [rad/s]
-    fastest: float
-    trip: float
+    limit: float | int  # A_vl, peak to peak [m]
+    slowest: float | int  # minimum operating speed [rad/s]
+    fastest: float | int  # maximum continuous speed [rad/s]
+    trip: float | int  # [rad/s]
 
     @property
     def largest(self) -> Float[np.ndarray, " p"]:
@@ -56,6 +56,9 @@ def vibration_limit(speed: float | int) -> float:
 
     Args:
         speed: maximum continuous speed N [rad/s].
+
+    Returns:
+        Limit, peak to peak [m].
 
     Source: API RP 684 (2005), SP6.8.2.11.
     """

@@ -1,6 +1,7 @@
 """Level I stability: logarithmic decrement of the rotor against cross-coupled stiffness."""
 
 from collections.abc import Callable
+from typing import Any
 
 import equinox as eqx
 import numpy as np
@@ -11,6 +12,7 @@ from ...effects import Support
 from ...files.machine import Machine
 from ...scene import Scene
 from ..modal import modes
+from .critical_map import bearings_of, rigid_speeds
 
 
 POINTS = 21  # stiffnesses from zero to `MOST` times the anticipated one
@@ -36,13 +38,13 @@ class LevelOne(eqx.Module):
     decrements: Float[np.ndarray, " q"]  # least logarithmic decrement of forward whirl
     stations: tuple[float, ...]  # [m], at which it acts
     shares: tuple[float, ...]  # of each station in the sum
-    speed: float  # [rad/s]
-    anticipated: float  # Q_A [N/m]
-    threshold: float  # Q_0 at which the rotor becomes unstable [N/m], inf beyond `BEYOND`
-    decrement: float  # delta_A, at Q_A
-    frequency: float  # of whirl there [rad/s]
-    critical_ratio: float  # CSR: speed over the first critical speed on rigid bearings
-    gas_density: float  # [kg/m^3], NaN where it is unknown
+    speed: float | int  # [rad/s]
+    anticipated: float | int  # Q_A [N/m]
+    threshold: float | int  # Q_0 at which the rotor becomes unstable [N/m], inf beyond `BEYOND`
+    decrement: float | int  # delta_A, at Q_A
+    frequency: float | int  # of whirl there [rad/s]
+    critical_ratio: float | int  # CSR: speed over the first critical speed on rigid bearings
+    gas_density: float | int  # [kg/m^3], NaN where it is unknown
 
     @property
     def ratio(self) -> float:
@@ -85,9 +87,7 @@ def ratio_limit(density: float) -> float:
     return _SLOPE[0] * density + _SLOPE[1] if density <= _DENSE else 0.0
 
 
-def level_one(
-    scene: Scene, machine: Machine, bearings: Float[np.ndarray, "2"], rigid: float
-) -> LevelOne:
+def level_one(scene: Scene, machine: Machine, rigid: float | int | None = None) -> LevelOne:
     """`F = -i Q z` on the shaft: how far the rotor is from whirl that is driven by its stages.
 
     Q acts at the middle of the bearing span, or of an overhung stage, whose station is outside of it, at
@@ -96,17 +96,18 @@ def level_one(
     Args:
         scene: the rotor, linear.
         machine: its speeds and stages.
-        bearings: stations of its bearings [m].
-        rigid: first critical speed on rigid bearings [rad/s].
+        rigid: first critical speed on rigid bearings [rad/s], where it is known already.
 
     Returns:
         `LevelOne`. Without stages Q_A is zero, and Q goes to a quarter above Q_0.
 
     Raises:
-        ValueError: an overhung machine has stages without a station.
+        ValueError: an overhung machine has stages without a station, or there are not two bearings.
 
     Source: API RP 684 (2005), SP6.8.5.
     """
+    bearings = bearings_of(scene, machine.bearings)
+    rigid = float(rigid_speeds(scene, bearings, 1)[0]) if rigid is None else float(rigid)
     stations, shares = _places(machine, bearings)
     speed = float(scene.spin.sense) * float(machine.fastest)
     own = [Support(at, 0.0, cross_stiffness=-1.0) for at in stations]
@@ -172,4 +173,5 @@ def _threshold(decrement: Callable[[float], float], first: float) -> float:
         low, high = high, _STEP * high
         if high > BEYOND:
             return np.inf
-    return float(brentq(decrement, low, high, xtol=1e-9 * high, rtol=1e-12))
+    zero: Any = brentq(decrement, low, high, xtol=1e-9 * high)
+    return float(zero)

@@ -73,7 +73,7 @@ def analysed(scene: Scene, machine: Machine) -> SceneAnalysis:
     diagram = campbell(rotor, speeds[::_EVERY], BRANCHES)
     critical = critical_speeds(rotor)
     responses = [damped_response(rotor, case, machine, speeds, critical) for case in cases]
-    stability = level_one(rotor, machine, bearings, float(found.rigid[0]))
+    stability = level_one(rotor, machine, float(found.rigid[0]))
     return SceneAnalysis(rotor, bearings, found, diagram, critical, tuple(responses), stability)
 
 
