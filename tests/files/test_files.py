@@ -57,6 +57,7 @@ NAMES = ["limiter-rotor", "limiter-rotor-2023"]
 OTHERS = [
     "ball-balancer",
     "ball-balancer-light",
+    "compressor",
     "counter-rotor",
     "cracked-rotor",
     "dual-rotor",
