@@ -168,6 +168,7 @@ from .files.machine import (
 )
 from .files.ross import from_ross as from_ross
 from .files.shipped import shipped as shipped
+from .files.tables import read_shaft as read_shaft, read_support as read_support
 from .files.toml import load as load, loads as loads, save as save, study as study, title as title
 from .files.units import SceneError as SceneError
 from .files.variants import Variant as Variant, variants as variants

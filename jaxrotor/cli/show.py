@@ -174,7 +174,7 @@ def _material_taken(scene: str) -> str | None:
     document = tomllib.loads(source(scene))
     tables = [document["shaft"]] if "shaft" in document else document[SHAFTS].values()
     asked = (one for one in tables if one.get("model", "flexible") == "flexible")
-    return "steel" if any("material" not in one for one in asked) else None
+    return "steel" if any({"material", "table"}.isdisjoint(one) for one in asked) else None
 
 
 def _note_texts(

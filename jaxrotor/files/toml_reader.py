@@ -33,6 +33,7 @@ from ..shafts.materials import NAMED, Material
 from ..spins.base import AbstractSpin
 from ..spins.constant import ConstantSpeed
 from .several_shafts import KEYS, SHAFTS, check_names, named_shaft
+from .tables.in_scenes import with_tables
 from .units import SceneError, quantity, refuse, show
 from .vocabulary import COUNTS, FORMS, START, TEXTS, Form, kinds, models, repeated
 
@@ -59,7 +60,7 @@ def read(text: str, source: str) -> tuple[Scene, Table]:
     if not document:
         refuse(source, "is empty; a scene needs at least [shaft] and [spin].")
     try:
-        scene = _scene(document, f"{source}: ")
+        scene = _scene(with_tables(document, source), f"{source}: ")
         return scene, _sweep(document.get("sweep", {}), scene, f"{source}: sweep")
     except RecursionError:
         refuse(source, "is nested too deeply; a scene has tables of plain values.")

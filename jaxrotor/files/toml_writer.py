@@ -44,6 +44,11 @@ def dumps(scene: Scene, title: str = "") -> str:
     return tomlkit.dumps(document)
 
 
+def shaft_table(shaft: AbstractShaft) -> dict[str, Any]:
+    """Keys and values of a shaft, as a scene file has them."""
+    return _written(shaft, "shaft", models(shafts, AbstractShaft)).unwrap()
+
+
 def _coaxial(shaft: CoaxialShaft) -> Any:
     """Table of a shaft beside the first one: its model and own keys among those of its body."""
     import tomlkit
