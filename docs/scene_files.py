@@ -45,6 +45,9 @@ parameters that were read from a file.
 * `angles = ["0 deg", "90 deg"]` in place of `angle` stands for one part at each of these angles.
 * In the tables below, a key that is "needed" must be given; one that is "absent" has no effect until it
   is given. A default has the reason why it adds nothing to what is drawn.
+* A support or a shaft may have `table = "bearing.csv"` in place of its numbers: a table in CSV or Excel,
+  by its path from the folder of the scene file, and `sheet = "DE"` where several sheets have one
+  ([tables](guides/exchange.md#tables-of-bearings)). Other keys stand beside it, as `at` and `hold`.
 * The name of a parameter is that of its table and key: `disc.mass`, `limiters.0.gap`. `--set`, `--over`
   and `scene.replace` use these names. Those of a further shaft are `coaxial_shaft.ratio` and
   `coaxial_shaft.body.length`, or `shafts.hp.ratio` and `shafts.hp.length`.

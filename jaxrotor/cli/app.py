@@ -45,7 +45,8 @@ _SUMMARIES = {
     "accuracy": "Accuracy against cost: error to a converged reference, compile time, "
     "run time and memory.",
     "explore": "Explore a sweep: click a point of its bifurcation diagram to see its orbit and spectrum.",
-    "export": "Write the data of a run as a table (CSV, Parquet) or as NetCDF.",
+    "export": "Write the data of a run as a table (CSV, Parquet), as NetCDF, for MATLAB "
+    "or as a universal file.",
     "report": "Write one HTML file of a run: scene, pictures, numbers, accuracy, status, versions.",
 }
 _MODULES = {"roots": "linear", "onset": "linear", "critical": "campbell", "run-up": "run_up"}

@@ -1,7 +1,6 @@
-"""Export: results for other programs, as tables (CSV, Parquet) and as NetCDF."""
+"""Export: results for other programs, as tables (CSV, Parquet), NetCDF, MATLAB and universal files."""
 
 import importlib.util
-import itertools
 import json
 import os
 from collections.abc import Mapping
@@ -13,7 +12,13 @@ import numpy as np
 from ..files.draft import replacing
 
 
-_NEEDS = {".csv": (), ".parquet": ("pyarrow",), ".nc": ("h5netcdf", "h5py")}
+_NEEDS = {
+    ".csv": (),
+    ".parquet": ("pyarrow",),
+    ".nc": ("h5netcdf", "h5py"),
+    ".mat": (),
+    ".unv": (),
+}
 _PLACES = {"station": "at {} m", "bearing": "of {}"}  # other dimensions: "of ball 1"
 
 
@@ -22,9 +27,10 @@ def table(result: Any) -> Any:
 
     The table of a motion has `time [s]`, `angle [rad]`, `displacement x at 0.7 m [m]`, and so on: all
     that `jr.dataset` has along time, every vector by its x and y. The table of a sweep has the swept
-    values, the numbers of every lane, and its status in words; series within a lane, such as its
-    section, are in the data set alone. Data that a command has written over a speed or over the
-    parameters of a map have a row for each of their points: `speed [rad/s]`, `amplitude at 0.7 m [m]`.
+    values, the numbers of every lane, and its status in words. A series within one lane is a table by
+    itself: `lane[["section"]]` has a row a revolution, `lane[["spectrum"]]` a row a frequency, and
+    `lane[["orbit"]]` a row a sample. Data that a command has written over a speed or over the parameters
+    of a map have a row for each of their points: `speed [rad/s]`, `amplitude at 0.7 m [m]`.
 
     Args:
         result: what `simulate`, `run_up`, `reactions`, `sweep` or `dataset` return, or a part of it, or
@@ -38,7 +44,7 @@ def table(result: Any) -> Any:
     """
     import pandas as pd
 
-    data = data_of(result)
+    data = along_turns(data_of(result))
     if "time" not in data.dims:
         return pd.DataFrame(_points(data))
     columns: dict[str, Any] = {}
@@ -51,11 +57,17 @@ def table(result: Any) -> Any:
 
 
 def export(result: Any, path: str | os.PathLike[str]) -> None:
-    """Write a result to `.csv`, `.parquet` or `.nc`, whole or not at all; a file there is replaced.
+    """Write a result to `.csv`, `.parquet`, `.nc`, `.mat` or `.unv`, whole or not at all.
 
-    The table is that of `jr.table`. NetCDF holds any data set, also that of a sweep, with units, scene
-    and versions as attributes: `xarray.open_dataset(path, engine="h5netcdf")` reads it, and any program
-    that knows NetCDF 4. Parquet needs `pip install pyarrow`, NetCDF `pip install h5netcdf h5py`.
+    A file there is replaced. The table is that of `jr.table`. NetCDF holds any data set, also that of a
+    sweep, with units, scene and versions as attributes: `xarray.open_dataset(path, engine="h5netcdf")`
+    reads it, and any program that knows NetCDF 4. So does a file of MATLAB, where
+    `variables.displacement.units` is the unit of `displacement`, and dots in names are `_`.
+
+    A universal file has every series as a function (data set 58) of time, speed in rpm, order or a swept
+    parameter, at the number of its station from 1 and along x (1) or y (2); slopes and moments turn about
+    y (5) or -x (-4). Start and spacing of equal steps have six digits there. Points without a value are
+    left out. Parquet needs `pip install pyarrow`, NetCDF `pip install h5netcdf h5py`.
 
     Args:
         result: what `simulate`, `run_up`, `reactions` and `sweep` return, or any `xarray.Dataset`.
@@ -80,11 +92,17 @@ def export(result: Any, path: str | os.PathLike[str]) -> None:
 
 def _write(result: Any, draft: Path) -> None:
     """Write a result in the format that the ending of the file names."""
+    from . import matlab, universal
+
     match draft.suffix:
         case ".csv":
             table(result).to_csv(draft, index=False)
         case ".parquet":
             table(result).to_parquet(draft, index=False)
+        case ".mat":
+            matlab.write(data_of(result), draft)
+        case ".unv":
+            universal.write(along_turns(data_of(result)), draft)
         case _:
             _storable(data_of(result)).to_netcdf(draft, engine="h5netcdf")
 
@@ -96,6 +114,18 @@ def data_of(result: Any) -> Any:
     from .dataset import dataset
 
     return result if isinstance(result, xr.Dataset) else dataset(result)
+
+
+def along_turns(data: Any) -> Any:
+    """The data with the samples of all revolutions of an orbit along `turns`, at the end of each step."""
+    if not {"revolution", "sample"} <= set(data.dims):
+        return data
+    samples = data.sizes["sample"]
+    turns = (1 + np.arange(data.sizes["revolution"] * samples)) / samples
+    about = {"units": "1", "long_name": "revolutions observed"}
+    sampled = [name for name, array in data.data_vars.items() if "sample" in array.dims]
+    stacked = data[sampled].stack(turns=("revolution", "sample"), create_index=False)
+    return data.drop_vars(sampled).merge(stacked.assign_coords(turns=("turns", turns, about)))
 
 
 def _points(data: Any) -> dict[str, Any]:
@@ -149,16 +179,20 @@ def _head(name: str, array: Any) -> str:
 
 def _columns(name: str, array: Any, data: Any) -> dict[str, Any]:
     """Columns of a variable: one for every place along its dimensions but the first."""
-    sizes = [range(size) for size in array.shape[1:]]
     columns = {}
-    for index in itertools.product(*sizes):
-        places = [_place(str(dim), i, data) for dim, i in zip(array.dims[1:], index, strict=True)]
-        parts = [name, *sorted(places, key=lambda place: place not in ("x", "y"))]
-        columns[_head(" ".join(parts), array)] = np.asarray(array.values[(slice(None), *index)])
+    for index in np.ndindex(array.shape[1:]):
+        place = dict(zip(array.dims[1:], index, strict=True))
+        columns[column(name, array, place, data)] = np.asarray(array.values[(slice(None), *index)])
     return columns
 
 
-def _place(dim: str, i: int, data: Any) -> str:
+def column(name: str, array: Any, place: Mapping[Any, int], data: Any) -> str:
+    """Head of the column of a variable at a place: "displacement x at 0.7 m [m]"."""
+    places = [place_text(str(dim), i, data) for dim, i in place.items()]
+    return _head(" ".join([name, *sorted(places, key=lambda one: one not in ("x", "y"))]), array)
+
+
+def place_text(dim: str, i: int, data: Any) -> str:
     """A place along a dimension in words: "x", "at 0.7 m", "of ball 1"."""
     label = data[dim].values[i] if dim in data.coords else i
     if dim == "axis":
@@ -170,16 +204,16 @@ def _place(dim: str, i: int, data: Any) -> str:
 def _storable(data: Any) -> Any:
     """The data with attributes that a NetCDF file can hold, without the encoding of another format."""
     data = data.drop_encoding()
-    data.attrs = _plain(data.attrs)
+    data.attrs = plain_attributes(data.attrs)
     for array in data.variables.values():
-        array.attrs = _plain(array.attrs)
+        array.attrs = plain_attributes(array.attrs)
         # Readers decode flags only where their values have the type of the variable.
         if "flag_values" in array.attrs and array.dtype.kind in "iu":
             array.attrs["flag_values"] = array.attrs["flag_values"].astype(array.dtype)
     return data
 
 
-def _plain(attrs: Mapping[Any, Any]) -> dict[str, Any]:
+def plain_attributes(attrs: Mapping[Any, Any]) -> dict[str, Any]:
     """Attributes with texts, numbers and lists of numbers as they are, and all else as JSON."""
 
     def plain(value: Any) -> Any:
