@@ -10,9 +10,7 @@ from .balancing import (
     bearing_grade as bearing_grade,
     bearing_stations as bearing_stations,
     centre_of_mass as centre_of_mass,
-    correction_masses as correction_masses,
     first_moments as first_moments,
-    influence_coefficients as influence_coefficients,
     permissible_unbalance as permissible_unbalance,
     rigid_correction as rigid_correction,
     rigid_residual as rigid_residual,
@@ -27,6 +25,10 @@ from .critical import (
 )
 from .dry_whirl import DryWhirl as DryWhirl, dry_whirl as dry_whirl
 from .dry_whirl_map import DryWhirlMap as DryWhirlMap, dry_whirl_map as dry_whirl_map
+from .field_balancing import (
+    correction_masses as correction_masses,
+    influence_coefficients as influence_coefficients,
+)
 from .films import StaticPositions as StaticPositions, film_support as film_support
 from .floquet import floquet_multipliers as floquet_multipliers
 from .forced import (
@@ -53,6 +55,11 @@ from .lateral import (
     level_one as level_one,
     residual_unbalance as residual_unbalance,
     vibration_limit as vibration_limit,
+from .influence import (
+    Correction as Correction,
+    Influence as Influence,
+    UnbalanceEstimate as UnbalanceEstimate,
+    fitted_influence as fitted_influence,
 )
 from .linearized import linearized as linearized, static_positions as static_positions
 from .magnetic import MagneticPositions as MagneticPositions
