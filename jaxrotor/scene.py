@@ -19,6 +19,7 @@ from .core.parameters import (
     follow,
     given_or_taken,
     known_values,
+    stations_of_paths,
     with_leaves,
 )
 from .core.plausibility import warn_implausible
@@ -150,9 +151,8 @@ class Scene(eqx.Module):
         """Stations to observe [m].
 
         Args:
-            at: a station or a list of them [m]; of a scene of several shafts with their names,
-                `("hp", 0.3)`. By default the station of the first contact, else of the first effect that
-                has one, else the end of the shaft.
+            at: station(s) [m] or their paths, `"discs.1.at"`; of several shafts `("hp", 0.3)`; by default
+                that of the first contact, else of an effect that has one, else the end of the shaft.
 
         Returns:
             The stations, as an array.
@@ -164,6 +164,7 @@ class Scene(eqx.Module):
 
     def seen(self, at: Any = None) -> tuple[Float[Array, " s"], tuple[str | None, ...]]:
         """Stations [m] as of `stations`, and the name of the shaft of each; None: there is only one."""
+        at = stations_of_paths(at, self.get)
         return seen_stations(self.placed(), self.shafts, self.effects, at)
 
     def to_simulate(self, at: Any = None, *, in_time: bool = True) -> tuple["Scene", Array]:

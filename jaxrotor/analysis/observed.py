@@ -5,6 +5,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from ..core.parameters import stations_of_paths
 from ..equations.system import System
 from ..scene import Scene
 from ..shafts.cased import line_of, row_of
@@ -21,6 +22,7 @@ class Places(eqx.Module):
     @classmethod
     def of(cls, scene: Scene, at) -> "Places":
         """Places of stations [m] and names, one or several; raises if the scene does not have one."""
+        at = stations_of_paths(at, scene.get)
         single = not isinstance(at, list | tuple) or at and at[0] in scene.shafts
         every = [at] if single else list(at)
         names = tuple(one if isinstance(one, str) else None for one in every)

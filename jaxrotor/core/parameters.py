@@ -6,7 +6,7 @@ one of a kind, else by their `plural`, with a number for one of them and without
 
 import dataclasses
 import functools
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 import equinox as eqx
@@ -74,6 +74,12 @@ def aliases(path: str, members: Iterable[Any], first: str | None = None) -> list
     if index == "0":
         found += [f"{head}.{leaf}", f"{names[head]}.{leaf}"]
     return found
+
+
+def stations_of_paths(at: Any, get: Callable[[str], Any]) -> Any:
+    """Stations, one or several, where paths such as `discs.1.at` are replaced by their values."""
+    of = lambda one: get(one) if isinstance(one, str) and one.endswith(".at") else one
+    return type(at)(map(of, at)) if isinstance(at, list | tuple) else of(at)
 
 
 def follow(tree: Any, address: Sequence[Any]) -> Any:

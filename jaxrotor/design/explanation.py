@@ -72,7 +72,9 @@ class Search(NamedTuple):
         """The most probable explanation of every condition, None where no prediction is finite."""
         quickly = self.located or len(every) < OPTIMISED  # located steps take minutes to optimise
         numbers = [np.stack([own[k].measured for own in every]) for k in range(len(self.records))]
-        flat = np.stack([np.concatenate([_flat(r.measured) for r in own]) for own in every])
+        flat = np.stack(
+            [np.concatenate([np.ravel(r.numbers(r.measured)) for r in own]) for own in every]
+        )
         counts = [record.count for record in self.records]
         points = np.arange(len(self.points))
         most = starts * len(every)
@@ -130,7 +132,7 @@ class Search(NamedTuple):
             return None
         best, remaining = max(modes, key=lambda pair: pair[0].log_evidence)
         parts = np.split(best.residuals, np.cumsum(counts)[:-1])
-        tables = [part.reshape(len(r.measured), -1) for part, r in zip(parts, records, strict=True)]
+        tables = [part.reshape(r.samples_left, -1) for part, r in zip(parts, records, strict=True)]
         p, unusual = residual_test(best, unknown, [table.shape for table in tables])
         u = jnp.asarray(best.u)
         values = dict(zip(self.limits.paths, self.limits.values(u).tolist(), strict=True))
@@ -234,13 +236,6 @@ def _minima(*arguments: Any) -> Minimum:
 @compiled_quickly
 def _minima_quickly(*arguments: Any) -> Minimum:
     return _of_lanes(*arguments)
-
-
-def _flat(measured: Any) -> np.ndarray:
-    """The real numbers of a record in the order of its residuals."""
-    table = np.asarray(measured)
-    two = [np.real(table), np.imag(table)] if np.iscomplexobj(table) else [table]
-    return np.concatenate(two, axis=1).ravel()
 
 
 def _misfits(

@@ -279,7 +279,7 @@ def concluded(
             f"the parameters by {float(found.remaining):.2g} standard deviations; take more `steps` or "
             "`starts`, or begin nearer."
         )
-    tables = [part.reshape(len(r.measured), -1) for part, r in zip(parts, records, strict=True)]
+    tables = [part.reshape(r.samples_left, -1) for part, r in zip(parts, records, strict=True)]
     correlated, scores = correlations(left, slopes, [table.shape for table in tables])
     freedom, of_records = _degrees_of_freedom(slopes, counts)
     fitted = scene.put(values)
@@ -314,10 +314,9 @@ def _degrees_of_freedom(slopes: np.ndarray, counts: list[int]) -> tuple[np.ndarr
 
 
 def as_measured(table: np.ndarray, record: AbstractRecord) -> Array:
-    """Residuals (T, d) as complex numbers where the record has such."""
-    channels = record.measured.shape[1]
-    whole = table if table.shape[1] == channels else table[:, :channels] + 1j * table[:, channels:]
-    return jnp.asarray(whole)
+    """Residuals by sample and channel, (T, c), as complex numbers where the record has such."""
+    channels, every = record.measured.shape[1], record.centred(jnp.asarray(table))
+    return every if every.shape[1] == channels else every[:, :channels] + 1j * every[:, channels:]
 
 
 def check_enough(records: tuple[AbstractRecord, ...], parameters: int) -> None:

@@ -1,6 +1,7 @@
 """Records: what was measured on a rotor, and how a scene predicts it; motions in time."""
 
 import abc
+import math
 from collections.abc import Iterable
 from typing import Any, ClassVar
 
@@ -81,6 +82,7 @@ class AbstractRecord(AbstractPart):
     kind: eqx.AbstractVar[str]  # how it is drawn: over samples, in the plane, by amplitude
     name: eqx.AbstractVar[str]  # of the numbers at which samples were taken
     unit: eqx.AbstractVar[str]
+    offset: eqx.AbstractVar[bool]  # whether every channel has a constant that is not predicted
 
     @property
     @abc.abstractmethod
@@ -109,15 +111,35 @@ class AbstractRecord(AbstractPart):
     def doubt(self, scene: Scene) -> str:
         """A sentence on why a fitted scene cannot be what was measured; empty where nothing says so."""
 
-    def residuals(self, scene: Scene) -> Float[Array, "T d"]:
-        """Prediction less measurement, of complex numbers first real, then imaginary parts."""
-        off = self.prediction(scene) - self.measured
-        return jnp.concatenate([off.real, off.imag], axis=1) if jnp.iscomplexobj(off) else off
+    def residuals(self, scene: Scene) -> Float[Array, "S d"]:
+        """Prediction less measurement, as `numbers` has them."""
+        return self.numbers(self.prediction(scene) - self.measured)
+
+    def numbers(self, z: Inexact[Array, "T c"]) -> Float[Array, "S d"]:
+        """Real numbers by sample, of complex ones first real, then imaginary parts.
+
+        With an `offset` they are `T - 1` contrasts, which a constant does not change: rows of the
+        reflection that turns `(1, .., 1)` into the first axis, so that noise stays as it was.
+        """
+        table = jnp.concatenate([z.real, z.imag], axis=1) if jnp.iscomplexobj(z) else z
+        return _reflected(table)[1:] if self.offset else table
+
+    def centred(self, table: Float[Array, "S d"]) -> Float[Array, "T d"]:
+        """Residuals by sample of those `numbers`: with an `offset`, less their mean."""
+        if not self.offset:
+            return table
+        return _reflected(jnp.concatenate([jnp.zeros((1, table.shape[1])), table]))
+
+    @property
+    def samples_left(self) -> int:
+        """Number of samples, one less where a constant is taken off."""
+        return len(self.measured) - self.offset
 
     @property
     def count(self) -> int:
-        """Number of real numbers in the record."""
-        return self.measured.size * (2 if jnp.iscomplexobj(self.measured) else 1)
+        """Number of real numbers in the record that are fitted."""
+        channels = self.measured.shape[1] * (2 if jnp.iscomplexobj(self.measured) else 1)
+        return self.samples_left * channels
 
     @property
     def scale(self) -> Scalar:
@@ -133,6 +155,13 @@ class AbstractRecord(AbstractPart):
                 f"The record has {self.measured.shape[1]} channels, but `at` names {count} stations; "
                 "name the station of every channel, one twice if two probes are there."
             )
+
+
+def _reflected(table: Float[Array, "T d"]) -> Float[Array, "T d"]:
+    """`(1 - 2 v v^T / v^T v) z`, `v = (1, .., 1) / sqrt(T) - (1, 0, .., 0)`."""
+    root = math.sqrt(len(table))
+    share = (jnp.sum(table, axis=0) / root - table[0]) / (root - 1)
+    return (table - share).at[0].add(root * share)
 
 
 class FittedStart(AbstractEffect):
@@ -206,6 +235,7 @@ class TimeRecord(AbstractRecord):
     """
 
     kind: ClassVar[str] = "samples"
+    offset: ClassVar[bool] = False
 
     # x + i y, or read by probes [m]
     displacement: Inexact[Array, "T c"] = eqx.field(converter=table)

@@ -5,9 +5,10 @@ import dataclasses
 from typing import Any, ClassVar
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Inexact
+from jaxtyping import Array, Complex, Float, Inexact
 
 from ..analysis import (
     HarmonicForce,
@@ -17,8 +18,8 @@ from ..analysis import (
     weight_response,
 )
 from ..core.checks import check_counts
-from ..core.quantities import Series, known, series
-from ..effects import AbstractBodies, AbstractContact
+from ..core.quantities import Series, known, series, with_values
+from ..effects import AbstractBodies, AbstractContact, Unbalance
 from ..equations.speed_tables import check_tables
 from ..equations.start import AbstractStart
 from ..equations.system import structure
@@ -159,6 +160,7 @@ class OrbitRecord(AbstractSteadyRecord):
     """
 
     kind: ClassVar[str] = "plane"
+    offset: ClassVar[bool] = False
     name: ClassVar[str] = "revolutions"
     unit: ClassVar[str] = "1"
 
@@ -215,6 +217,7 @@ class SpectrumRecord(AbstractSteadyRecord):
     """
 
     kind: ClassVar[str] = "amplitude"
+    offset: ClassVar[bool] = False
     name: ClassVar[str] = "order"
     unit: ClassVar[str] = "1"
 
@@ -271,6 +274,11 @@ def _checked_force(force: Any) -> Any:
     return force
 
 
+def _trial_masses(value: Any) -> Any:
+    """Trial masses of every sample as complex numbers; None where there are none."""
+    return value if value is None or not known(value) else table(value).astype(complex)
+
+
 class ResponseRecord(AbstractRecord):
     """`z = a exp(i w t) + b exp(-i w t)`: a response over speed or frequency [m], (T,) or (T, c).
 
@@ -281,10 +289,15 @@ class ResponseRecord(AbstractRecord):
     Args:
         amplitude: of every speed and channel [m], complex with its phase, or real without.
         frequencies: speeds Omega [rad/s] of the response to unbalance, or frequencies w of the force.
-        at: station(s) [m] or names of casings, one a channel; by default as in `unbalance_response` or
-            `forced_response`.
+        at: station(s) [m], paths of stations that are fitted, `"discs.2.at"`, or names of casings, one a
+            channel; by default as in `unbalance_response` or `forced_response`.
         angle: direction(s) of probes from x to y [rad], one a channel.
         force: by which the rotor is excited at its own speed; None: by its unbalance.
+        trials: `m r exp(i angle)` [kg m] of each `Unbalance` of the scene in every sample, in place of its
+            own moment, as of runs with trial masses, (T, u). Its `phase` is added to the angle: that of
+            the mark from which angles are counted may be a parameter.
+        offset: whether every channel has a constant besides, such as runout, or drift since a baseline
+            that was taken off. It is the same in all samples, and taken off what is fitted.
     """
 
     kind: ClassVar[str] = "amplitude"
@@ -295,11 +308,27 @@ class ResponseRecord(AbstractRecord):
     at: Any = None
     angle: Float[Array, " c"] | None = eqx.field(default=None, converter=angles)
     force: HarmonicForce | None = eqx.field(default=None, converter=_checked_force)
+    # Of each unbalance in every sample [kg m]
+    trials: Complex[Array, "T u"] | None = eqx.field(default=None, converter=_trial_masses)
+    offset: bool = eqx.field(default=False, static=True)  # whether channels have a constant besides
 
     def __check_init__(self):
         check_samples(self.amplitude, self.frequencies, "frequencies")
         check_angles(self.amplitude, self.angle)
         check_amplitudes(self.amplitude)
+        if self.offset and (not jnp.iscomplexobj(self.amplitude) or len(self.amplitude) < 2):
+            raise ValueError(
+                "A constant is taken off amplitudes with their phase, of two samples or more; leave out "
+                "`offset`."
+            )
+        if self.trials is not None and (
+            self.force is not None or len(self.trials) != len(self.amplitude)
+        ):
+            raise ValueError(
+                f"`trials [kg m]` are masses of every sample of a response to unbalance, but there are "
+                f"{len(self.trials)} rows of them for {len(self.amplitude)} samples"
+                f"{'' if self.force is None else ' of a response to a force'}."
+            )
 
     @property
     def name(self) -> str:
@@ -324,6 +353,12 @@ class ResponseRecord(AbstractRecord):
     def prepared(self, scene: Scene) -> "ResponseRecord":
         self.check_channels(scene, self._stations)
         check_tables(scene, self.frequencies if self.force is None else None)
+        count = len(scene.of(Unbalance))
+        if self.trials is not None and self.trials.shape[1] != count:
+            raise ValueError(
+                f"`trials [kg m]` must have a column for every `Unbalance` of the scene, of which there "
+                f"are {count}, but has {self.trials.shape[1]}; put one where each trial mass sits."
+            )
         return self
 
     def doubt(self, scene: Scene) -> str:
@@ -331,9 +366,24 @@ class ResponseRecord(AbstractRecord):
         return ""
 
     def prediction(self, scene: Scene):
-        if self.force is None:
+        if self.trials is not None:
+            every = jax.vmap(
+                lambda *case: unbalance_response(_tried(scene, case[0]), case[1], self.at)
+            )
+            found = jax.tree.map(lambda part: part[:, 0], every(self.trials, self.frequencies))
+        elif self.force is None:
             found = unbalance_response(scene, self.frequencies, self.at)
         else:
             found = forced_response(scene, self.frequencies, self.force, self.at)
         a = found.forward if self.angle is None else found.probe(self.angle)
         return a if jnp.iscomplexobj(self.amplitude) else jnp.abs(a)
+
+
+def _tried(scene: Scene, masses: Complex[Array, " u"]) -> Scene:
+    """The scene with these moments of its unbalances, at angles from their phases."""
+    each = iter(masses)
+    of = lambda one, u: with_values(
+        one, mass=None, eccentricity=None, moment=jnp.abs(u), phase=one.phase + jnp.angle(u)
+    )
+    own = [of(one, next(each)) if isinstance(one, Unbalance) else one for one in scene.effects]
+    return with_values(scene, effects=tuple(own))
