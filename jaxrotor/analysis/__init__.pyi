@@ -42,6 +42,12 @@ from .forced import (
 )
 from .growth import growth_rate as growth_rate
 from .inertia import MassProperties as MassProperties, mass_properties as mass_properties
+from .influence import (
+    Correction as Correction,
+    Influence as Influence,
+    UnbalanceEstimate as UnbalanceEstimate,
+    fitted_influence as fitted_influence,
+)
 from .lateral import (
     CaseResponse as CaseResponse,
     Criterion as Criterion,
@@ -55,11 +61,6 @@ from .lateral import (
     level_one as level_one,
     residual_unbalance as residual_unbalance,
     vibration_limit as vibration_limit,
-from .influence import (
-    Correction as Correction,
-    Influence as Influence,
-    UnbalanceEstimate as UnbalanceEstimate,
-    fitted_influence as fitted_influence,
 )
 from .linearized import linearized as linearized, static_positions as static_positions
 from .magnetic import MagneticPositions as MagneticPositions
