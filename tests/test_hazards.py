@@ -11,6 +11,7 @@ from packaging.requirements import Requirement
 
 PROJECT = Path(__file__).parents[1] / "pyproject.toml"
 QUICK = list(hazards.PLAIN)
+LONG = "sweep", "tables"  # minutes each
 
 
 def allowed():
@@ -48,7 +49,7 @@ def test_many_lanes_at_once(found, name):
 @pytest.mark.parametrize(
     "name",
     [
-        pytest.param(name, marks=pytest.mark.long if name == "sweep" else pytest.mark.slow)
+        pytest.param(name, marks=pytest.mark.long if name in LONG else pytest.mark.slow)
         for name in hazards.PROGRAMS
         if name not in QUICK
     ],
