@@ -24,7 +24,7 @@ def api(
     largest: Annotated[
         str | None,
         typer.Argument(
-            metavar="[LARGEST]",
+            metavar="LARGEST",
             help="The same rotor in bearings of the largest clearance; SCENE has the smallest one.",
         ),
     ] = None,

@@ -100,6 +100,8 @@ class TorusBranch(eqx.Module):
     radius_max: Float[np.ndarray, "N s"]
     exponents: Float[np.ndarray, " N"]  # growth of the fastest small disturbance [1/s]
     points: tuple[TorusFold, ...]  # its folds
+    # Folds that were detected but not located: after which point, of which kind.
+    unlocated: tuple[tuple[int, str], ...] = eqx.field(static=True)
     reasons: tuple[str, str] = eqx.field(static=True)  # why it ends, at its first and last point
     unknowns: Float[np.ndarray, "N b"]
     curve: TorusProblem
@@ -139,6 +141,10 @@ class TorusBranch(eqx.Module):
             f"[{self.scene.unit(self.path)}], {int(self.stable.sum())} stable"
         ]
         lines += [f"  {point.kind} at {point.value:.9g}" for point in self.points]
+        lines += [
+            f"  {kind} not located between {values[k]:.6g} and {values[k + 1]:.6g}"
+            for k, kind in self.unlocated
+        ]
         lines += [f"  begins: {self.reasons[0]}", f"  ends: {self.reasons[1]}"]
         return "\n".join(lines)
 
@@ -192,7 +198,7 @@ def branch_of_tori(
         problem, Predictor(corrector, max_step), step, max_points, search, ("branch", "torus")
     )
     with bar(progress, tracer.longest(direction), f"continuing in {path}", "points") as tick:
-        points, found, _, reasons = tracer.both(start, direction, tick)
+        points, found, lost, reasons = tracer.both(start, direction, tick)
     looks = [_look(problem, jnp.asarray(point.u)) for point in points]
     low, high, exponents = (np.stack([np.asarray(one[k]) for one in looks]) for k in range(3))
     folds = []
@@ -202,7 +208,8 @@ def branch_of_tori(
         folds.append(TorusFold("fold", value, after + one.fraction, *map(np.asarray, radii)))
     unknowns = np.stack([point.u for point in points])
     values = np.array([float(problem.values(one)[0]) for one in unknowns])
-    return TorusBranch(values, low, high, exponents, tuple(folds), reasons, unknowns, problem)
+    known = tuple(folds), tuple(lost), reasons
+    return TorusBranch(values, low, high, exponents, *known, unknowns, problem)
 
 
 class _Fold(NamedTuple):

@@ -1,5 +1,6 @@
 """Tori of two shafts: against linear responses, scipy, differences, and motions that leave them."""
 
+import dataclasses
 import functools
 
 import jax
@@ -165,6 +166,10 @@ def branch(found):
 def test_tori_end_where_a_branch_folds(branch):
     """Just beyond the fold no torus is near, so a motion of scipy goes away; before it, it stays."""
     assert [point.kind for point in branch.points] == ["fold", "fold"]
+    assert branch.unlocated == ()
+    lost = dataclasses.replace(branch, points=(), unlocated=((0, "fold"),))
+    between = f"{branch.values[0]:.6g} and {branch.values[1]:.6g}"
+    assert f"fold not located between {between}" in str(lost)
     ax = plot.branch(branch, station=1)
     assert {"fold", "stable", "unstable"} <= {line.get_label() for line in ax.lines}
     plt.close(ax.figure)
