@@ -109,11 +109,7 @@ class Influence(eqx.Module):
         Aerospace and Electronic Systems 10, 853-863, for the last factor.
         """
         a, v = self._paired(readings)
-        if not self.freedom > 0:
-            raise ValueError(
-                "The runs are as many as coefficients and offsets, so they leave nothing that tells the "
-                "noise; give the `scatter` of readings, or more runs."
-            )
+        _check_noise(self.freedom)
         offset, last = self._offset(session)
         planes, own = a.shape[1], self.covariance.reshape(len(a), *self.covariance.shape[-2:])
         variances = jnp.diagonal(self.noise).real
@@ -311,10 +307,20 @@ def _correlated(freedom: float, readings: int) -> bool:
     return bool(np.isfinite(freedom)) and freedom >= 2 * readings
 
 
+def _check_noise(freedom: float) -> None:
+    """Raise if the runs leave nothing that tells the noise."""
+    if not freedom > 0:
+        raise ValueError(
+            "The runs are as many as coefficients and offsets, so they leave nothing that tells the "
+            "noise; give the `scatter` of readings, or more runs."
+        )
+
+
 def _radius(variance: Array, freedom: float, level: float) -> Array:
     """Radius of a circle about an estimate: `|d|^2 / C` is distributed as F of 2 and 2 f degrees."""
     if not 0 < level < 1:
         raise ValueError(f"`level` must be between 0 and 1, but is {level!r:.200}.")
+    _check_noise(freedom)
     wide = -np.log1p(-level)
     if np.isfinite(freedom):
         wide = freedom * np.expm1(wide / freedom)

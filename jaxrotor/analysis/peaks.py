@@ -30,7 +30,7 @@ SAME = 1e-6  # distance, relative to the range, below which two speeds count as 
 NARROWINGS = 60  # golden sections of a bracket at most
 HALF_POWER = np.sqrt(0.5)  # amplitude there over that of the peak
 DAMPED = 2.5  # amplification factor below which a peak needs no margin
-_MOST = {"below": 0.16, "above": 0.26}  # largest margins that are required
+MOST = {"below": 0.16, "above": 0.26}  # largest margins that are required
 
 
 class Margins(NamedTuple):
@@ -118,7 +118,7 @@ class ResponsePeaks(eqx.Module):
         below, above = (slowest - self.speeds) / slowest, (self.speeds - fastest) / fastest
         factor, damped = self.amplification, self.amplification_at_most < DAMPED
         needed = 0.17 * (1 - 1 / np.where(damped, DAMPED, factor - 1.5))
-        bounds = (np.minimum(needed, _MOST["below"]), np.minimum(0.1 + needed, _MOST["above"]))
+        bounds = (np.minimum(needed, MOST["below"]), np.minimum(0.1 + needed, MOST["above"]))
         required = np.where(above > 0, bounds[1], bounds[0])
         other = sense * self.speeds < 0  # a speed that the rotor never passes
         required = np.where(damped | other, 0.0, required)

@@ -9,6 +9,7 @@ import numpy as np
 
 from ..core.quantities import Scalar, Series, as_tuple, nonnegative, positive, series
 from ..core.representation import AbstractPart
+from ..core.tables import RPM
 from .shipped import text_of
 from .toml_reader import built
 from .units import refuse
@@ -23,7 +24,12 @@ class Probe(AbstractPart):
     """Probe of displacement; its reading is taken as the major axis of the orbit at its station."""
 
     at: Scalar = nonnegative("at [m]")
-    name: str = eqx.field(default="probe", static=True)
+    name: str = eqx.field(default="", static=True)
+
+    @property
+    def label(self) -> str:
+        """Its name, by default with its station."""
+        return self.name or f"probe at {float(self.at):.4g} m"
 
 
 class Clearance(AbstractPart):
@@ -31,7 +37,12 @@ class Clearance(AbstractPart):
 
     at: Scalar = nonnegative("at [m]")
     diametral: Scalar = positive("diametral [m]")
-    name: str = eqx.field(default="clearance", static=True)
+    name: str = eqx.field(default="", static=True)
+
+    @property
+    def label(self) -> str:
+        """Its name, by default with its station."""
+        return self.name or f"clearance at {float(self.at):.4g} m"
 
 
 class Stage(AbstractPart):
@@ -51,7 +62,7 @@ class Stage(AbstractPart):
     density_ratio: Scalar = positive("density_ratio [1]", default=None)
     kind: Literal["centrifugal", "axial"] = eqx.field(default="centrifugal", static=True)
     at: Scalar = nonnegative("at [m]", default=None)
-    name: str = eqx.field(default="stage", static=True)
+    name: str = eqx.field(default="", static=True)
 
     def __check_init__(self):
         if self.kind not in KINDS:
@@ -61,6 +72,11 @@ class Stage(AbstractPart):
                 "A centrifugal stage needs `density_ratio [1]`, the density at its discharge over that at "
                 "its suction; an axial one has none."
             )
+
+    @property
+    def label(self) -> str:
+        """Its name, by default its kind."""
+        return self.name or f"{self.kind} stage"
 
     def cross_coupling(self, speed: float | int) -> float:
         """Anticipated cross-coupled stiffness q [N/m] at a speed [rad/s]."""
@@ -74,8 +90,9 @@ class Machine(AbstractPart):
 
     Speeds are magnitudes. `slowest` and `fastest` are the minimum operating and the maximum continuous
     speed, `trip` is by default 5 % above. `bearings` are the stations of the two journal bearings, by
-    default those of the scene, where it has two. `couplings` are stations of half couplings, each outside
-    of the bearings. `gas_density` is the mean of suction and discharge.
+    default those of the scene, where it has two. The power of a stage is that at `fastest`. `couplings`
+    are stations of half couplings, each outside of the bearings. `gas_density` is the mean of suction
+    and discharge.
     """
 
     slowest: Scalar = positive("slowest [rad/s]")
@@ -94,9 +111,11 @@ class Machine(AbstractPart):
             if not isinstance(members, tuple) or not all(isinstance(m, kind) for m in members):
                 raise ValueError(f"`{name}` must be a list of {kind.__name__}, but is {members!r}.")
         if not self.slowest <= self.fastest <= self.highest:
+            speeds = (float(self.slowest), float(self.fastest), self.highest)
             raise ValueError(
                 "`slowest`, `fastest` and `trip [rad/s]` must be in this order, but are "
-                f"{float(self.slowest):g}, {float(self.fastest):g} and {self.highest:g}."
+                f"{', '.join(f'{RPM * one:.5g}' for one in speeds)} rpm; a number without a unit is in "
+                'rad/s, so write "7000 rpm" where that is meant.'
             )
         if self.bearings is not None and np.size(self.bearings) != 2:
             raise ValueError(

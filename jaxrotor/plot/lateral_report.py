@@ -7,6 +7,8 @@ from functools import partial
 import numpy as np
 
 from ..analysis.lateral import HEADS, CaseResponse, LateralAnalysis, SceneAnalysis, verdict
+from ..analysis.lateral.damped_response import SHARE
+from ..analysis.lateral.unbalance_cases import journal_loads
 from ..core.quantities import with_values
 from ..core.tables import RPM
 from ..files.machine import Machine
@@ -44,9 +46,18 @@ def lateral_report(
 
 def _parts(result: LateralAnalysis) -> Iterator[Part]:
     machine, failed = result.machine, [one for one in result.criteria if not one.passed]
-    word = "All demands are met." if not failed else f"{len(failed)} demands are not met."
+    word = (
+        "All demands are met."
+        if not failed
+        else f"Demands that are not met: {len(failed)} of {len(result.criteria)}."
+    )
     yield Heading("Summary")
     yield Sentence(f"{word} Numbers of paragraphs are those of {_STANDARD}.")
+    if len(result.scenes) == 1:
+        yield Sentence(
+            "One clearance of the bearings was analysed; the standard asks for the smallest and "
+            "the largest."
+        )
     rows = [one.texts for one in result.criteria]
     yield Table("Criteria of the standard", HEADS, rows, (3, 4))
     yield Heading("Machine")
@@ -67,9 +78,9 @@ def _machine(machine: Machine) -> Iterator[Part]:
     if machine.gas_density is not None:
         rows.append(("mean gas density", _short(float(machine.gas_density)), "kg/m^3"))
     yield Table("Speeds", ("", "", "unit"), rows, (1,))
-    places = [(one.name, "probe", f"{float(one.at):.4g}", "") for one in machine.probes]
+    places = [(one.label, "probe", f"{float(one.at):.4g}", "") for one in machine.probes]
     places += [
-        (one.name, "close clearance", f"{float(one.at):.4g}", f"{_UM * float(one.diametral):.4g}")
+        (one.label, "close clearance", f"{float(one.at):.4g}", f"{_UM * float(one.diametral):.4g}")
         for one in machine.clearances
     ]
     yield Table(
@@ -78,7 +89,7 @@ def _machine(machine: Machine) -> Iterator[Part]:
     if machine.stages:
         rows = [
             (
-                one.name,
+                one.label,
                 one.kind,
                 f"{1e-3 * float(one.power):.5g}",
                 f"{1e3 * float(one.diameter):.4g}",
@@ -111,6 +122,15 @@ def _scene(name: str, part: SceneAnalysis, result: LateralAnalysis) -> Iterator[
         yield Sentence(f"Assumption: {part.scene.assumption}.")
     plain = with_values(part.scene, assumption="")
     yield Picture("the rotor, to scale", partial(rotor, plain), height=70)
+    loads = journal_loads(part.scene, part.bearings)
+    at = ", ".join(
+        f"{load:.4g} kg at {z:.4g} m" for load, z in zip(loads, part.bearings, strict=True)
+    )
+    low, high = (RPM * one for one in part.speeds)
+    yield Sentence(
+        f"The rotor weighs {sum(loads):.4g} kg; its bearings carry {at}. The response is computed from "
+        f"{low:.0f} to {high:.0f} rpm."
+    )
     drawn = partial(critical_map, part.map, operating=running)
     yield Picture(
         "undamped critical speed map, with the stiffness of the bearings", drawn, height=95
@@ -142,6 +162,11 @@ def _scene(name: str, part: SceneAnalysis, result: LateralAnalysis) -> Iterator[
     if machine.clearances:
         yield _clearances(part, machine)
     own = part.stability
+    if machine.stages and not (own.above_rigid or part.fixed_pads):
+        yield Sentence(
+            "The rotor runs below its first critical speed on rigid bearings, so the standard asks for no "
+            "Level I analysis; it is shown and not judged."
+        )
     yield Picture(
         "Level I stability at the maximum continuous speed",
         partial(level_one, own),
@@ -180,7 +205,8 @@ def _responses(
 ) -> Iterator[Part]:
     for number, (probe, peaks) in enumerate(zip(machine.probes, case.peaks, strict=True)):
         marks = {"station": number, "peaks": peaks, "operating": operating}
-        caption = f"response at {probe.name} to the unbalance case {case.case.name}, half axes"
+        where = f"response at {probe.label} to the unbalance case {case.case.name}"
+        caption = f"{where}, half axes, not peak to peak"
         yield Picture(caption, partial(response, case.response, **marks), height=95, rows=2)
 
 
@@ -188,11 +214,11 @@ def _clearances(part: SceneAnalysis, machine: Machine) -> Table:
     rows = [
         (
             case.case.name,
-            clearance.name,
+            clearance.label,
             f"{case.scale:.3g}",
             f"{_UM * used:.4g}",
-            f"{75e4 * float(clearance.diametral):.4g}",
-            verdict(bool(used < 0.75 * clearance.diametral)),
+            f"{_UM * SHARE * float(clearance.diametral):.4g}",
+            verdict(bool(used < SHARE * clearance.diametral)),
         )
         for case in part.cases
         for clearance, used in zip(machine.clearances, case.scaled.tolist(), strict=True)

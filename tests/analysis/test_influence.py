@@ -29,6 +29,9 @@ def test_a_base_run_and_one_trial_a_plane_are_the_classic_coefficients():
     # A = (v1 - v0) / t: twice the variance of a reading over |t|^2
     np.testing.assert_allclose(fitted.covariance[:, 0, 0], 2 * 0.1**2 / 0.3**2, rtol=1e-12)
     assert fitted.freedom == np.inf and not np.isfinite(np.asarray(fitted.misfit)).any()
+    untold = jr.fitted_influence(masses, runs)  # as many runs as coefficients and offset
+    with pytest.raises(ValueError, match="leave nothing that tells the noise"):
+        untold.correction(runs[0]).radius()
 
 
 def test_weighted_runs_of_two_sessions_are_those_of_lstsq():

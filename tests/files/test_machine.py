@@ -31,7 +31,7 @@ def test_a_machine_is_read_with_its_units(tmp_path):
     assert np.asarray(found.couplings).tolist() == [0.01]
     (probe,), (clearance,), (stage,) = found.probes, found.clearances, found.stages
     assert (probe.name, float(probe.at)) == ("left", 0.2)
-    assert (clearance.name, float(clearance.diametral)) == ("clearance", 4e-4)
+    assert (clearance.label, float(clearance.diametral)) == ("clearance at 0.5 m", 4e-4)
     assert (stage.kind, float(stage.power), float(stage.width)) == ("centrifugal", 1e5, 0.02)
 
 

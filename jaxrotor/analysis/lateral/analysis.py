@@ -9,6 +9,7 @@ import numpy as np
 
 from ...core.progress import waiting
 from ...core.tables import notebook_table
+from ...effects import Disc
 from ...files.machine import Machine
 from ...scene import Scene
 from .criteria import HEADS, Criterion, criteria, verdict
@@ -91,10 +92,25 @@ def lateral_analysis(
         )
     if not scenes:
         raise ValueError("A lateral analysis needs a scene, but `scene` has none; give one.")
+    _check_same(scenes)
     with waiting(progress, "lateral analysis"):
-        return LateralAnalysis(
-            machine, {name: analysed(one, machine) for name, one in scenes.items()}
-        )
+        found = {name: analysed(one, machine) for name, one in scenes.items()}
+        return LateralAnalysis(machine, found)
+
+
+def _check_same(scenes: Mapping[str, Scene]) -> None:
+    """Raise unless the scenes are of one rotor: as long, with its discs at the same stations."""
+    rotors = {}
+    for name, one in scenes.items():
+        discs = sorted((float(disc.at), float(disc.mass)) for disc in one.of(Disc))
+        rotors[name] = np.array([float(one.shaft.length), *np.ravel(discs)])
+    (first, own), *others = rotors.items()
+    for name, other in others:
+        if own.shape != other.shape or not np.allclose(own, other, rtol=1e-9):
+            raise ValueError(
+                f"Scenes of one analysis are one rotor in other bearings, but {first!r} and {name!r} "
+                "differ in the length of the shaft or in their discs; change the bearings alone."
+            )
 
 
 def _data(part: SceneAnalysis, margins: list[dict[str, Any]]) -> dict[str, Any]:

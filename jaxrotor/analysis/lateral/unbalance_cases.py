@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ...core.quantities import Scalar
-from ...effects import AbstractLinear, Unbalance
+from ...effects import AbstractLinear, Disc, Unbalance
 from ...equations.speed_tables import at_own_speed
 from ...files.machine import Machine
 from ...scene import Scene
@@ -23,18 +23,20 @@ RESIDUAL = 6.35e-3  # kg m rpm/kg: 6350 W / N in g mm
 FAST = 25_000.0  # rpm from which the residual unbalance is that of this speed
 TWICE = 2.0  # residual unbalances that are applied
 HIGHEST = 1.5  # times the maximum continuous speed: modes above are not excited
-MODES = 3  # shapes that place an unbalance, at most
+MODES = 3  # shapes of each kind of whirl that place an unbalance, at most
 _POINTS = 201
 _SAME = 0.05  # of the length: cases of one kind nearer than this are one
+OVERHUNG = 0.25  # share of the mass outside of one bearing from which a rotor is overhung
+_LESS = 0.5  # of the deflection outside, below which a shape of one sign is not excited between
 _FLAT = 0.99  # of the largest deflection, from which the station nearest to the middle counts
-_NODE = 1e-3  # of the largest deflection, below which its sign counts for nothing
+_BOTH = 0.2  # of the largest deflection between the bearings, from which the other sign counts
 
 
 class UnbalanceCase(NamedTuple):
     """Unbalances `2 U_r` of one case, each of the mass W that the standard takes."""
 
-    name: str  # "mid-span", "quarter-span", "overhung" or "coupling"
-    critical: float  # undamped critical speed whose shape placed it [rad/s], NaN at a coupling
+    name: str  # "mid-span", "quarter-span", "overhung" or "coupling", with a number from the second on
+    critical: float  # undamped critical speed whose shape placed it [rad/s], NaN where none did
     stations: tuple[float, ...]  # [m]
     masses: tuple[float, ...]  # W [kg]
     moments: tuple[float, ...]  # [kg m]
@@ -102,10 +104,13 @@ def unbalance_cases(
     """Cases by the shapes of the undamped rotor, and one for each coupling.
 
     The shapes are those at the critical speeds up to 1.5 times the maximum continuous one, of springs as
-    stiff as the bearings are at that. Where a shape is largest between the bearings and all of one sign
-    there, the unbalance is at the largest deflection, of `W_1 + W_2`. Where it has several signs, two
-    opposite ones are at the largest deflections of either sign, of `W_1` and `W_2`. Where it is largest
-    outside of the bearings, the unbalance is there, of the overhung mass, as at a coupling.
+    stiff as the bearings are at that. Where a shape has one sign between the bearings, the unbalance is
+    at its largest deflection there, of `W_1 + W_2`. Where it has several, two opposite ones are at the
+    largest deflections of either sign there, of `W_1` and `W_2`. Where a shape is larger outside of the
+    bearings than between, there is one outside, too, of the overhung mass, at the heaviest disc there or
+    else at the largest deflection; a case between them by a shape of one sign that is less than half as
+    large there is left out. So is an overhung one where a coupling has it. A quarter of the mass outside
+    of one bearing has an unbalance at its heaviest disc in any case.
     Source: API RP 684 (2005), SP6.8.2.7 and its figure of typical shapes.
     """
     fastest = float(machine.fastest)
@@ -117,22 +122,31 @@ def unbalance_cases(
     within = [speed for speed in speeds if abs(speed) <= HIGHEST * fastest] or speeds[:1]
     loads = journal_loads(scene, bearings)
     overhung = overhung_masses(scene, bearings)
+    ends = [] if machine.couplings is None else np.asarray(machine.couplings).tolist()
+    coupled = (("coupling", at, _outside(at, bearings, overhung)) for at in ends)
+    couplings = [_case(name, np.nan, [at], [mass], fastest) for name, at, mass in coupled]
     cases: list[UnbalanceCase] = []
     apart = _SAME * float(scene.shaft.length)
     for case in _by_shapes(rotor, within, bearings, fastest, loads, overhung):
-        apart = _SAME * float(scene.shaft.length)
-        near = (
-            np.abs(np.subtract(case.stations, one.stations)).max() < apart
-            for one in cases
-            if one.name == case.name
-        )
-        if not any(near):
-            cases.append(case)
-    ends = [] if machine.couplings is None else np.asarray(machine.couplings).tolist()
-    for at in ends:
-        mass = _outside(at, bearings, overhung)
-        cases.append(_case("coupling", np.nan, [at], [mass], fastest))
-    return cases
+        alike = [one for one in cases if one.name.partition(" ")[0] == case.name]
+        same = alike + (couplings if case.name == "overhung" else [])
+        if not any(np.allclose(case.stations, one.stations, rtol=0, atol=apart) for one in same):
+            number = f" {len(alike) + 1}" if alike else ""
+            cases.append(case._replace(name=case.name + number))
+    for at, mass, side in _heavy_ends(scene, bearings, overhung):
+        if not any(_same_side(one.stations[0], side, bearings) for one in cases + couplings):
+            cases.append(_case("overhung", np.nan, [at], [mass], fastest))
+    return cases + couplings
+
+
+def _heavy_ends(
+    scene: Scene, bearings: np.ndarray, overhung: tuple[float, float]
+) -> Iterator[tuple[float, float, float]]:
+    """Station of the heaviest disc and mass outside of a bearing, where a large share of the rotor is."""
+    for mass, end in zip(overhung, (0.0, float(scene.shaft.length)), strict=True):
+        side = [disc for disc in scene.of(Disc) if _same_side(float(disc.at), end, bearings)]
+        if side and mass > OVERHUNG * float(total_mass(scene)):
+            yield float(max(side, key=lambda disc: float(disc.mass)).at), mass, end
 
 
 def _by_shapes(
@@ -143,24 +157,31 @@ def _by_shapes(
     loads: tuple[float, float],
     overhung: tuple[float, float],
 ) -> Iterator[UnbalanceCase]:
-    """Case of the shape at each critical speed."""
+    """Cases of the shape at each critical speed."""
     for speed in speeds:
         stations, deflection = _shape(rotor, speed)
-        sizes = np.abs(deflection)
-        largest = stations[sizes >= _FLAT * sizes.max()]
-        top = float(largest[np.abs(largest - bearings.mean()).argmin()])
         inside = (stations >= bearings[0]) & (stations <= bearings[1])
-        if not bearings[0] <= top <= bearings[1]:
-            mass = _outside(top, bearings, overhung)
-            yield _case("overhung", speed, [top], [mass], fastest)
-            continue
-        seen = inside & (sizes > _NODE * sizes.max())
-        if np.ptp(np.sign(deflection[seen])) == 0:
-            yield _case("mid-span", speed, [top], [sum(loads)], fastest)
-            continue
+        sizes = np.abs(deflection)
+        most, beyond = sizes[inside].max(), sizes[~inside].max(initial=0.0)
         within = np.flatnonzero(inside)
-        ends = sorted(float(stations[within[end]]) for end in _ends(deflection[within]))
-        yield _case("quarter-span", speed, ends, list(loads), fastest)
+        if min(deflection[within].max(), -deflection[within].min()) > _BOTH * most:
+            ends = sorted(float(stations[within[end]]) for end in _ends(deflection[within]))
+            yield _case("quarter-span", speed, ends, list(loads), fastest)
+        elif most > _LESS * beyond:
+            largest = stations[inside & (sizes >= _FLAT * most)]
+            top = float(largest[np.abs(largest - bearings.mean()).argmin()])
+            yield _case("mid-span", speed, [top], [sum(loads)], fastest)
+        if beyond > most:
+            top = float(stations[sizes.argmax()])
+            side = [d for d in rotor.of(Disc) if _same_side(float(d.at), top, bearings)]
+            at = float(max(side, key=lambda d: float(d.mass)).at) if side else top
+            yield _case("overhung", speed, [at], [_outside(top, bearings, overhung)], fastest)
+
+
+def _same_side(at: float, other: float, bearings: np.ndarray) -> bool:
+    """Whether two stations are outside of the same bearing."""
+    low, high = bearings.tolist()
+    return max(at, other) < low or min(at, other) > high
 
 
 def _ends(deflection: np.ndarray) -> tuple[int, int]:
