@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 
 from ..analysis.lateral import CriticalMap, LevelOne, ratio_limit
 from ..analysis.lateral.level_one import DECREMENT
-from . import colours, labels, page
+from . import colours, page
 from .units import speed_unit
 
 
@@ -97,5 +97,5 @@ def level_one(result: LevelOne, axes: Any = None) -> tuple[Axes, Axes]:
         right.plot(*where, "o", color=colours.BLUE, markersize=4, label="this machine")
     right.set_xlim(0.0, densities[-1])
     right.set_ylim(0.0, top)
-    name = labels.words("critical speed ratio")
-    return left, page.finish(right, "mean gas density [kg/m$^3$]", name, columns=1)
+    page.finish(right, "mean gas density [kg/m$^3$]", "critical speed ratio", columns=1)
+    return left, right

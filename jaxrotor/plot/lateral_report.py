@@ -76,7 +76,7 @@ def _machine(machine: Machine) -> Iterator[Part]:
     }
     rows = [(name, f"{RPM * float(speed):.5g}", "rpm") for name, speed in speeds.items()]
     if machine.gas_density is not None:
-        rows.append(("mean gas density", _short(float(machine.gas_density)), "kg/m^3"))
+        rows.append(("mean gas density", f"{float(machine.gas_density):.4g}", "kg/m^3"))
     yield Table("Speeds", ("", "", "unit"), rows, (1,))
     places = [(one.label, "probe", f"{float(one.at):.4g}", "") for one in machine.probes]
     places += [
@@ -227,7 +227,3 @@ def _clearances(part: SceneAnalysis, machine: Machine) -> Table:
     return Table(
         "Close clearances up to trip speed (SP6.8.2.12, SP6.8.2.13)", heads, rows, (2, 3, 4)
     )
-
-
-def _short(value: float) -> str:
-    return f"{value:.4g}"

@@ -99,10 +99,8 @@ def critical_map(
         raise ValueError(
             f"`stiffnesses [N/m]` must be positive and ascending, but is {stiffnesses}."
         )
-    with warnings.catch_warnings():
-        warnings.simplefilter(
-            "ignore", ImplausibleWarning
-        )  # of the softest and the hardest springs
+    with warnings.catch_warnings():  # of the softest and the hardest springs
+        warnings.simplefilter("ignore", ImplausibleWarning)
         first = sprung(scene, stations, np.full((2, 2), springs[0]))
         rows = [_forward(first.replace({"supports.stiffness": k}), count) for k in springs.tolist()]
     rigid = rigid_speeds(scene, stations, count)

@@ -11,10 +11,9 @@ from scipy.optimize import brentq
 from ...effects import Support
 from ...files.machine import Machine
 from ...scene import Scene
-from ..balancing import total_mass
 from ..modal import modes
 from .critical_map import bearings_of, rigid_speeds
-from .unbalance_cases import OVERHUNG, overhung_masses
+from .unbalance_cases import is_overhung, overhung_masses
 
 
 POINTS = 21  # stiffnesses from zero to `MOST` times the anticipated one
@@ -49,9 +48,8 @@ class LevelOne(eqx.Module):
     frequency: float | int  # of whirl there [rad/s]
     critical_ratio: float | int  # CSR: speed over the first critical speed on rigid bearings
     gas_density: float | int  # [kg/m^3], NaN where it is unknown
-    axial: bool = eqx.field(
-        static=True
-    )  # whether all stages are axial, which `delta_A` alone judges
+    # Whether all stages are axial, which `delta_A` alone judges
+    axial: bool = eqx.field(static=True)
 
     @property
     def ratio(self) -> float:
@@ -81,7 +79,7 @@ class LevelOne(eqx.Module):
         if not self.axial and self.ratio < AMPLE:
             density = "" if np.isfinite(self.gas_density) else ", of unknown gas density region B"
             what, limit = (
-                "critical speed ratio, in region A" + density,
+                f"critical speed ratio, in region A{density}",
                 ratio_limit(self.gas_density),
             )
             found.append((what, self.critical_ratio, limit, not self.in_region_b))
@@ -172,7 +170,7 @@ def _places(
     low, high = bearings.tolist()
     given = [None if stage.at is None else float(stage.at) for stage in machine.stages]
     outside = any(at is not None and not low <= at <= high for at in given)
-    heavy = max(overhung_masses(scene, bearings)) > OVERHUNG * float(total_mass(scene))
+    heavy = is_overhung(scene, max(overhung_masses(scene, bearings)))
     if None in given and (outside or heavy):
         raise ValueError(
             "A stage outside of the bearings has its cross coupling at its own station, so every stage "

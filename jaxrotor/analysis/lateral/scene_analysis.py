@@ -40,9 +40,8 @@ class SceneAnalysis(eqx.Module):
     critical: CriticalSpeeds  # undamped, on the bearings as they are
     cases: tuple[CaseResponse, ...]
     stability: LevelOne
-    fixed_pads: bool = eqx.field(
-        static=True
-    )  # whether a bearing is a plain one, which drives whirl
+    # Whether a bearing is a plain one, which drives whirl
+    fixed_pads: bool = eqx.field(static=True)
 
     @property
     def speeds(self) -> tuple[float, float]:

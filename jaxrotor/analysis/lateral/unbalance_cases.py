@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ...core.quantities import Scalar
+from ...core.tables import RPM
 from ...effects import AbstractLinear, Disc, Unbalance
 from ...equations.speed_tables import at_own_speed
 from ...files.machine import Machine
@@ -65,7 +66,7 @@ def residual_unbalance(mass: float | int, speed: float | int) -> float:
 
     Source: API RP 684 (2005), SP6.8.2.7.
     """
-    return RESIDUAL * mass / min(30 / np.pi * abs(speed), FAST)
+    return RESIDUAL * mass / min(RPM * abs(speed), FAST)
 
 
 def journal_loads(scene: Scene, bearings: Float[np.ndarray, "2"]) -> tuple[float, float]:
@@ -144,9 +145,20 @@ def _heavy_ends(
 ) -> Iterator[tuple[float, float, float]]:
     """Station of the heaviest disc and mass outside of a bearing, where a large share of the rotor is."""
     for mass, end in zip(overhung, (0.0, float(scene.shaft.length)), strict=True):
-        side = [disc for disc in scene.of(Disc) if _same_side(float(disc.at), end, bearings)]
-        if side and mass > OVERHUNG * float(total_mass(scene)):
-            yield float(max(side, key=lambda disc: float(disc.mass)).at), mass, end
+        at = _heaviest(scene, end, bearings)
+        if at is not None and is_overhung(scene, mass):
+            yield at, mass, end
+
+
+def is_overhung(scene: Scene, mass: float) -> bool:
+    """Whether a mass outside of one bearing is a large share of the rotor."""
+    return mass > OVERHUNG * float(total_mass(scene))
+
+
+def _heaviest(scene: Scene, end: float, bearings: np.ndarray) -> float | None:
+    """Station of the heaviest disc outside of the same bearing as an end; None where there is none."""
+    side = [disc for disc in scene.of(Disc) if _same_side(float(disc.at), end, bearings)]
+    return float(max(side, key=lambda disc: float(disc.mass)).at) if side else None
 
 
 def _by_shapes(
@@ -173,9 +185,8 @@ def _by_shapes(
             yield _case("mid-span", speed, [top], [sum(loads)], fastest)
         if beyond > most:
             top = float(stations[sizes.argmax()])
-            side = [d for d in rotor.of(Disc) if _same_side(float(d.at), top, bearings)]
-            at = float(max(side, key=lambda d: float(d.mass)).at) if side else top
-            yield _case("overhung", speed, [at], [_outside(top, bearings, overhung)], fastest)
+            disc, mass = _heaviest(rotor, top, bearings), _outside(top, bearings, overhung)
+            yield _case("overhung", speed, [top if disc is None else disc], [mass], fastest)
 
 
 def _same_side(at: float, other: float, bearings: np.ndarray) -> bool:
