@@ -21,6 +21,7 @@ from .whirl_tables import OverWhirl
 
 EDGES = (0.0, 0.02, 0.98, 1.0)  # places in a bracket where growth is sampled, see `undamped_side`
 FAST = 100  # times the first natural frequency, beyond which a growing root loses digits
+UNRESOLVED = 1000  # times the first one, as mode 30 of a shaft: no discretisation resolves it
 # Steps per half revolution; the smallest number that resolves the first mode is used.
 STEPS = (32, 128, 512)
 TOO_SLOW = "The lowest speeds are too low for Floquet multipliers"
@@ -105,12 +106,15 @@ def largest_growth(values: Array) -> Scalar:
 def beyond_rounding(values: Array, first: Scalar) -> Scalar:
     """Largest growth rate [1/s], zero where it is within rounding.
 
-    Roots have the digits of their inverses, so that a fast one that seems to grow has fewer.
+    Roots have the digits of their inverses, so that a fast one that seems to grow has fewer. The fastest
+    modes of a discretised shaft have hardly any motion at its dampers, so that those within rounding
+    count for nothing beside slower ones.
     """
     size = jnp.maximum(jnp.abs(values), first)
     small = is_rounding(values.real, size)
     small = small | (values.real > 0) & is_rounding(values.real, size * size / (FAST * first))
-    return jnp.max(jnp.where(jnp.isfinite(values) & small, 0.0, values.real))
+    still = jnp.where(size > UNRESOLVED * first, -jnp.inf, 0.0)
+    return jnp.max(jnp.where(jnp.isfinite(values) & small, still, values.real))
 
 
 def rate_over_speed(system: System | OverWhirl) -> Callable[[Scalar], Scalar]:

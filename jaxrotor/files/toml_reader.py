@@ -60,7 +60,7 @@ def read(text: str, source: str) -> tuple[Scene, Table]:
     if not document:
         refuse(source, "is empty; a scene needs at least [shaft] and [spin].")
     try:
-        scene = _scene(with_tables(document, source), f"{source}: ")
+        scene = _scene(with_tables(document, source, _material), f"{source}: ")
         return scene, _sweep(document.get("sweep", {}), scene, f"{source}: sweep")
     except RecursionError:
         refuse(source, "is nested too deeply; a scene has tables of plain values.")
@@ -228,10 +228,8 @@ def _value(value: Any, field: dataclasses.Field, path: str, matrix: str = "") ->
         refuse(path, f"must be {one}, but is the list {show(value)}; write one{also}.")
     if unit is not None:
         return quantity(value, unit, path)
-    if Material in (kind, *typing.get_args(kind)) and isinstance(value, str):
-        if value not in NAMED:
-            refuse(path, f"must be a table or {_either(NAMED)}, but is {show(value)}.")
-        return NAMED[value]()
+    if Material in (kind, *typing.get_args(kind)):
+        return _material(value, path)
     for own in (kind, *typing.get_args(kind)):  # a module, possibly optional or in a tuple
         if inspect.isclass(own) and issubclass(own, eqx.Module):
             if typing.get_origin(kind) is not tuple:
@@ -248,6 +246,15 @@ def _value(value: Any, field: dataclasses.Field, path: str, matrix: str = "") ->
         )
         refuse(path, f"must be {wanted}, but is {show(value)}.")
     return value
+
+
+def _material(value: Any, path: str) -> Material:
+    """Material by its name, or from a table of its numbers."""
+    if not isinstance(value, str):
+        return built(Material, value, path, "material")
+    if value not in NAMED:
+        refuse(path, f"must be a table or {_either(NAMED)}, but is {show(value)}.")
+    return NAMED[value]()
 
 
 def _table_of(value: list, unit: str, path: str) -> list:

@@ -280,6 +280,16 @@ class Elements:
         return np.sort([zero(*pair) for pair in pairs])
 
 
+def test_modes_that_are_not_resolved_do_not_make_a_damped_rotor_undamped():
+    """Springs are symmetric and the bearings damp, so that every motion loses energy."""
+    scene = jr.load("compressor").replace({"shaft.nodes": 6})
+    values = np.asarray(jr.roots(scene))
+    still = np.abs(values.real) <= 1e-9 * np.abs(values)  # the fastest modes, within rounding
+    assert still.any() and np.abs(values[still]).min() > 5e5
+    assert float(jr.growth_rate(scene)) == pytest.approx(values.real[~still].max(), rel=1e-3)
+    assert float(jr.growth_rate(scene)) < 0
+
+
 @pytest.mark.long
 def test_flexible_rotor_is_that_of_finite_elements():
     """Errors of the elements fall with the square of their length, so their limit is extrapolated."""

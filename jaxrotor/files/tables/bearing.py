@@ -60,17 +60,20 @@ def read_support(
     if at is not None:
         others = {"at": at} | others
     try:
-        return Support(**coefficients(path, sheet), **others)
+        return Support(**coefficients(path, sheet)[0], **others)
     except SceneError:
         raise
     except ValueError as error:
         raise SceneError(f"{os.fspath(path)}: {error}") from None
 
 
-def coefficients(path: str | os.PathLike[str], sheet: str | None = None) -> dict[str, Any]:
-    """Arguments of a support, from a table of coefficients."""
+def coefficients(
+    path: str | os.PathLike[str], sheet: str | None = None
+) -> tuple[dict[str, Any], list[str]]:
+    """Arguments of a support, from a table of coefficients, and a sentence if units are missing."""
     table, page = read_table(path, sheet, _QUANTITIES, ("kxx",), "bearing")
     _check_names(table, page)
+    notes = table.without_units(_QUANTITIES)
     own = {key: table.numbers(key, str(_QUANTITIES[key].unit)) for key in table.heads}
     found = {key: values for key, values in own.items() if key in COEFFICIENTS}
     found |= _added_mass(table, own)
@@ -80,7 +83,7 @@ def coefficients(path: str | os.PathLike[str], sheet: str | None = None) -> dict
                 table.source,
                 f"has {table.size} rows, but no column speed among {table.names}; add it, as speed [rpm].",
             )
-        return {key: float(np.ravel(value)[0]) for key, value in found.items()}
+        return {key: float(np.ravel(value)[0]) for key, value in found.items()}, notes
     speeds, head = own["speed"], table.heads["speed"]
     if head.text.lower() == "n" and head.unit is None:
         refuse(table.path("speed", 0), "needs a unit; name the column n [rpm], or n [rad/s].")
@@ -93,7 +96,7 @@ def coefficients(path: str | os.PathLike[str], sheet: str | None = None) -> dict
         if step <= 0:
             what = "is the speed of the row before" if step == 0 else "is below the row before"
             refuse(table.path("speed", row), f"{what}; give each speed once, in ascending order.")
-    return {"speeds": speeds, **found}
+    return {"speeds": speeds, **found}, notes
 
 
 def _check_names(table: Table, sheet: Sheet) -> None:

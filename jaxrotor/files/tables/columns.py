@@ -78,6 +78,16 @@ class Table(NamedTuple):
         """Number of rows."""
         return len(self.lines)
 
+    def without_units(self, quantities: Mapping[str, Quantity]) -> list[str]:
+        """A sentence on the columns that are read in SI because nothing gives their units."""
+        bare = {
+            head.text: unit
+            for key, head in self.heads.items()
+            if head.unit is None and (unit := quantities[key].unit) not in (None, "1")
+        }
+        units = ", ".join(dict.fromkeys(map(str, bare.values())))
+        return [f"no unit is given for {', '.join(bare)}, read in {units}"] if bare else []
+
 
 def read_table(
     path: str | os.PathLike[str],

@@ -71,7 +71,7 @@ def read_shaft(
     equal; without an inner diameter the shaft is solid. A material is a name, or columns `rho`, `E` and
     `G` or `nu`; without them it is steel. A number of a material is that of a table in the same sheet with
     `matno`, `rhoa`, `ea` and `ga`, as in the sheets `Model` of ROSS and of XLTRC. Elements of equal `n` or
-    `elemnum` surround each other.
+    `elemnum` surround each other. Where no units are given all numbers are SI, and a sentence says so.
 
     The shaft deforms in shear, and is gyroscopic, unless columns `shear_effects`, `rotary_inertia` or
     `gyroscopic` are false. Tapers become up to four uniform elements, and sleeves a part of the shaft, as
@@ -84,7 +84,7 @@ def read_shaft(
         others: other arguments of `FlexibleShaft`, such as `constraints`.
 
     Returns:
-        The shaft, and a sentence on everything that was changed or left out, with its rows.
+        The shaft, and a sentence on everything that was changed, assumed or left out, with its rows.
 
     Raises:
         SceneError: If the file cannot be read; the sentence names its row and column.
@@ -108,7 +108,7 @@ def read_shaft(
     except ValueError as error:
         raise SceneError(f"{table.source}: {error}") from None
     taken = [] if table.heads.keys() & {"material", "E"} else [_STEEL]
-    return shaft, (*taken, *notes)
+    return shaft, (*table.without_units(_QUANTITIES), *taken, *notes)
 
 
 def _elements(table: Table, sheet: Sheet, materials: Mapping[str, Material]) -> list[Element]:
@@ -196,7 +196,7 @@ def _materials(table: Table, sheet: Sheet, given: Mapping[str, Material]) -> lis
         if name not in known:
             refuse(
                 table.path("material", row),
-                f"is {show(cell)}, which is none of the materials {', '.join(known)}; give it by "
+                f"is {show(cell)}, which is none of the materials {', '.join(known)}; give it in "
                 "`materials`, or give columns E, rho and G.",
             )
         if known[name]["G_s"] is None:

@@ -282,8 +282,11 @@ def test_taper(tmp_path):
     np.testing.assert_allclose([one[1] for one in sections], [0.045, 0.055, 0.065, 0.075, 0.08])
     # Of d = 0.04 to 0.05 m: Int d^-4 ds over that of the mean diameter
     error = (0.04**-3 - 0.05**-3) / (3 * 0.01) * 0.045**4 - 1
-    assert notes[0] == "material is steel, since the table names none"
-    assert notes[1].endswith(f"is off by up to {100 * error:.2g} %: row 2")
+    assert notes[:2] == (
+        "no unit is given for length, odl, odr, read in m",
+        "material is steel, since the table names none",
+    )
+    assert notes[2].endswith(f"is off by up to {100 * error:.2g} %: row 2")
 
 
 def test_shaft_of_ross_and_xltrc():
@@ -309,7 +312,8 @@ def test_shaft_of_a_workbook(tmp_path):
     rows = [["L", "odl", "idl", "odr", "idr", "material"], [0.2, 0.05, 0.01, 0.05, 0.01, "Steel"]]
     path = workbook(tmp_path / "shaft.xlsx", Simple=rows, Other=[[1, 2], [3, 4]])
     shaft, notes = jr.read_shaft(path)
-    assert (shaft.length, shaft.diameter, shaft.inner_diameter) == (0.2, 0.05, 0.01) and not notes
+    assert (shaft.length, shaft.diameter, shaft.inner_diameter) == (0.2, 0.05, 0.01)
+    assert notes == ("no unit is given for L, odl, idl, odr, idr, read in m",)
 
 
 REFUSED_SHAFTS = {
@@ -388,9 +392,32 @@ def test_tables_in_scene_files(scene, tmp_path, monkeypatch):
     assert str(jr.load(tmp_path / "saved.toml")) == str(found)
 
 
+def test_materials_and_missing_units_in_scene_files(scene, tmp_path):
+    folder = tmp_path / "tables"
+    written(folder, "length [mm],od [mm],material\n200,50,alloy 7\n300,50,Steel\n", "shaft.csv")
+    written(folder, "speed,Kxx\n100,5e7\n200,3e7\n")
+    alloy = '{youngs_modulus = "70 GPa", density = 2700.0, shear_modulus = "26 GPa"}'
+    text = SCENE.replace("constraints", f'materials = {{"alloy 7" = {alloy}}}\nconstraints')
+    text = text.replace('bearings.xlsx"\nsheet = "DE"', 'bearing.csv"')
+    scene.write_text(f'assumption = "invented"\n{text}')
+    found = jr.load(scene)
+    assert float(found.shaft.material.density) == 2700.0
+    (step,) = found.shaft.steps
+    assert float(step.material.density) == float(jr.steel().density) and float(step.at) == 0.2
+    assert found.assumption == (
+        "invented; bearing.csv: no unit is given for speed, Kxx, read in rad/s, N/m"
+    )
+
+
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
+        ("constraints", "materials = 1\nconstraints", "shaft.materials must be a table of materials"),
+        (
+            "constraints",
+            "materials = {alloy = {density = 1.0}}\nconstraints",
+            r"shaft.materials.alloy.youngs_modulus is missing",
+        ),
         ("hold = true", "kxx = 1.0", "supports.0.kxx is given beside `table`, which has it, too"),
         ("constraints", "length = 1.0\nconstraints", "shaft.length is given beside `table`"),
         (
