@@ -48,8 +48,8 @@ parameters that were read from a file.
 * A support or a shaft may have `table = "bearing.csv"` in place of its numbers: a table in CSV or Excel,
   by its path from the folder of the scene file, and `sheet = "DE"` where several sheets have one
   ([tables](guides/exchange.md#tables-of-bearings)). Other keys stand beside it, as `at` and `hold`,
-  of a shaft also `materials = {"42CrMo4" = {youngs_modulus = "210 GPa", density = 7850.0}}` for names in its
-  table.
+  of a shaft also `materials = {"42CrMo4" = {youngs_modulus = "210 GPa", density = 7850.0}}` for names
+  in its table.
 * The name of a parameter is that of its table and key: `disc.mass`, `limiters.0.gap`. `--set`, `--over`
   and `scene.replace` use these names. Those of a further shaft are `coaxial_shaft.ratio` and
   `coaxial_shaft.body.length`, or `shafts.hp.ratio` and `shafts.hp.length`.

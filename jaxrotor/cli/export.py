@@ -10,6 +10,7 @@ import typer
 from ..core.outcome import STATUS
 from ..files.units import quantity
 from ..results.export import export as write
+from ..results.export import text_of
 from ..sweeps.store import PENDING
 from . import answer
 from .options import Overwrite, assignments
@@ -65,7 +66,9 @@ def export(
     if of:
         if missing := [name for name in of if name not in found.data_vars]:
             names = ", ".join(map(str, found.data_vars))
-            raise ValueError(f"--of {missing[0]} is not in {data}, which has {names}.")
+            again = missing[0] in ("orbit", "spectrum") and "status" in found and not lane
+            hint = "; --lane PATH=VALUE computes it again for one lane" * again
+            raise ValueError(f"--of {missing[0]} is not in {data}, which has {names}{hint}.")
         found = found[list(of)]
     with draft_of(file, overwrite) as draft:
         write(found, draft)
@@ -81,7 +84,7 @@ def _lane(data: Any, given: Sequence[str], of: Sequence[str]) -> Any:
     number = int(np.ravel_multi_index(tuple(place.values()), data["status"].shape))
     lane = data.isel(place)
     values = {name: lane[name] for name in _swept(data)}
-    told = [f"{name} = {_text(one)}" for name, one in values.items()]
+    told = [f"{name} = {text_of(one)}" for name, one in values.items()]
     told += [f"status {STATUS[int(lane['status'])]}"]
     answer.note(f"lane {number + 1} of {data['status'].size}: {', '.join(told)}.")
     again = [name for name in of if name in ("orbit", "spectrum") and name not in data]
@@ -127,14 +130,6 @@ def _swept(data: Any) -> list[str]:
     dims = data["status"].dims
     found = [str(name) for name, one in data.coords.items() if set(one.dims) & set(dims)]
     return sorted(found, key=lambda name: dims.index(data[name].dims[0]))
-
-
-def _text(value: Any) -> str:
-    """A swept value with its unit."""
-    if value.dtype.kind not in "fiu":
-        return str(value.item())
-    unit = value.attrs.get("units", "1")
-    return f"{value.item():.9g}" + (f" {unit}" if unit != "1" else "")
 
 
 def stores(data: Path) -> list[Path]:

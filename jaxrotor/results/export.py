@@ -186,6 +186,14 @@ def _columns(name: str, array: Any, data: Any) -> dict[str, Any]:
     return columns
 
 
+def text_of(value: Any) -> str:
+    """A single value of a data set with its unit."""
+    if value.dtype.kind not in "fiu":
+        return str(value.item())
+    unit = value.attrs.get("units", "1")
+    return f"{value.item():.9g}" + (f" {unit}" if unit != "1" else "")
+
+
 def column(name: str, array: Any, place: Mapping[Any, int], data: Any) -> str:
     """Head of the column of a variable at a place: "displacement x at 0.7 m [m]"."""
     places = [place_text(str(dim), i, data) for dim, i in place.items()]

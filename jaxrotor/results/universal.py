@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from .export import column, place_text
+from .export import column, place_text, text_of
 
 
 _PLACES = ("axis", "station", "limiter", "ball", "bearing", "branch", "extremum", "state")
@@ -47,8 +47,10 @@ class Function(NamedTuple):
 def write(data: Any, path: Path) -> None:
     """Write every variable of a data set along its abscissa as functions, in data sets 58 (binary).
 
-    Before them are the units (164) and the stations as nodes along z (15). The abscissa is time, the
-    speed in rpm, the order or the swept parameter.
+    Coordinates beside the abscissa, such as the angle of rotation over time, are functions, too, and
+    single values, such as that of a lane, the third line of every title. Before them are the units (164)
+    and the stations as nodes along z (15). The abscissa is time, the speed in rpm, the order or the swept
+    parameter.
     Source: University of Cincinnati, Universal File Formats.
     """
     stations = np.atleast_1d(
@@ -104,7 +106,8 @@ def _of_function(one: Function) -> bytes:
 
 def _functions(data: Any) -> Iterator[Function]:
     """Functions of all variables, one for each place along the dimensions that are no abscissa."""
-    for name, array in data.data_vars.items():
+    beside = {name: one for name, one in data.coords.items() if name not in data.dims}
+    for name, array in {**data.data_vars, **beside}.items():
         along = [dim for dim in array.dims if dim not in _PLACES]
         if not along or array.dtype.kind not in "fc":
             continue
@@ -132,7 +135,9 @@ def _abscissa(data: Any, dim: str) -> tuple[np.ndarray, int, tuple[int, str, str
 def _about(data: Any, name: str, array: Any, place: Mapping[Any, int]) -> tuple[Any, ...]:
     """Ordinate, titles, entity, node and direction of a function."""
     unit = str(array.attrs.get("units", "1"))
-    titles = [column(name, array, place, data), str(array.attrs.get("long_name", name)), ""]
+    titles = [column(name, array, place, data), str(array.attrs.get("long_name", name))]
+    values = [f"{key} = {text_of(one)}" for key, one in data.coords.items() if not one.dims]
+    titles += [", ".join(sorted(values))]
     titles += [str(data.attrs.get("title", "")), ""]
     owner = next((dim for dim in place if dim in _ENTITIES), None)
     entity = "NONE" if owner is None else place_text(str(owner), place[owner], data)

@@ -108,6 +108,7 @@ def test_universal_file_of_a_motion(motion, tmp_path):
     turns = [found[f"slope {axis} at 0.5 m [rad]"]["rsp_dir"] for axis in "xy"]
     assert turns == [5, -4]  # dx/ds turns about y, dy/ds about -x
     assert found["speed [rad/s]"]["rsp_dir"] == 0
+    np.testing.assert_array_equal(found["angle [rad]"]["data"], motion.angle)
 
 
 def test_universal_file_over_speeds(tmp_path):
@@ -229,6 +230,7 @@ def test_orbit_and_spectrum_of_a_lane_are_computed_again(export, swept):
         "order",
     )
     assert spectrum["x"].tolist() == [k / 2 for k in range(33)]
+    assert spectrum["id3"] == "start.radius = 0 m, unbalance.eccentricity = 0.002 m"
 
 
 @pytest.mark.parametrize(
@@ -244,7 +246,7 @@ def test_orbit_and_spectrum_of_a_lane_are_computed_again(export, swept):
         ),
         (("--lane", "start.radius=1kg"), "--lane start.radius must be in m, but is '1kg'"),
         (("--lane", "start.radius"), "--lane must be path=value, as in spin.speed=3000rpm"),
-        (("--of", "orbit"), "--of orbit is not in run, which has"),
+        (("--of", "orbit"), "; --lane PATH=VALUE computes it again for one lane."),
         (
             (*LANE, "--of", "orbit", "--of", "section"),
             "--of orbit is computed again; write it without sec",
