@@ -74,6 +74,23 @@ class Influence(eqx.Module):
     freedom: float = eqx.field(static=True)  # runs less k; infinite where the scatter was given
     sessions: tuple[Hashable, ...] = eqx.field(static=True)  # in the order of the offsets
 
+    def __str__(self) -> str:
+        """Size, angle [deg] and standard deviation of every coefficient and offset, a row a reading."""
+        planes = self.coefficients.shape[-1]
+        values = np.concatenate([self.coefficients, self.offset], axis=-1)
+        deviations = np.sqrt(np.real(np.diagonal(self.covariance, axis1=-2, axis2=-1)))
+        heads = [f"plane {k + 1}" for k in range(planes)]
+        heads += ["offset" if len(self.sessions) == 1 else f"offset {one}" for one in self.sessions]
+        lines = ["reading " + "".join(f"{head:>27}" for head in heads)]
+        for place in np.ndindex(values.shape[:-1]):
+            pairs = zip(values[place], deviations[place], strict=True)
+            cells = [
+                f"{abs(a):.3g} @ {round(np.degrees(np.angle(a)))} +- {s:.1g}" for a, s in pairs
+            ]
+            name = ", ".join(str(k + 1) for k in place) or "1"
+            lines.append(f"{name:8}" + "".join(f"{cell:>27}" for cell in cells))
+        return "\n".join(lines)
+
     def predict(
         self, unbalances: ArrayLike, session: Hashable | None = None
     ) -> Complex[Array, "*readings"]:
@@ -91,7 +108,8 @@ class Influence(eqx.Module):
         `N` is the noise of the readings, and `x^T C x*` the variance of `A t + b`. So the covariance,
         `(A^H S^-1 A)^-1`, contains the scatter of the runs from which the coefficients come. Where these
         told all of `N` it is `(f / (f - m + p))^2` times as large, as weights by an `N` of `f` degrees of
-        freedom are not the best ones, and look better than they are.
+        freedom are not the best ones, and look better than they are. With few runs that is not all: of
+        circles by five runs for 95 %, 92 % held the unbalance.
 
         Args:
             readings: v, (*readings).

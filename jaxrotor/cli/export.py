@@ -9,8 +9,7 @@ import typer
 
 from ..core.outcome import STATUS
 from ..files.units import quantity
-from ..results.export import export as write
-from ..results.export import text_of
+from ..results.export import export as write, text_of
 from ..sweeps.store import PENDING
 from . import answer
 from .options import Overwrite, assignments

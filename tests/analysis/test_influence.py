@@ -154,3 +154,12 @@ def test_an_estimate_finds_the_masses_of_exact_readings_and_differentiates():
 def test_bad_runs_are_refused_in_one_sentence(call, message):
     with pytest.raises(ValueError, match=message):
         call()
+
+
+def test_text_has_every_coefficient():
+    masses = np.array([[0.0], [1.0], [-1.0], [0.0]])
+    runs = masses @ np.array([[2j]]) + np.array([0.1, 0.0, 0.0, -0.1])[:, None] + 3.0
+    lines = str(jr.fitted_influence(masses, runs)).splitlines()
+    assert lines[0].split() == ["reading", "plane", "1", "offset"]
+    # variance 2 0.1^2 / (4 - 2) = 0.01, deviations 0.1 / sqrt(2) and 0.1 / sqrt(4)
+    assert lines[1].split() == "1 2 @ 90 +- 0.07 3 @ 0 +- 0.05".split()

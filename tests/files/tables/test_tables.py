@@ -412,7 +412,11 @@ def test_materials_and_missing_units_in_scene_files(scene, tmp_path):
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ("constraints", "materials = 1\nconstraints", "shaft.materials must be a table of materials"),
+        (
+            "constraints",
+            "materials = 1\nconstraints",
+            "shaft.materials must be a table of materials",
+        ),
         (
             "constraints",
             "materials = {alloy = {density = 1.0}}\nconstraints",
