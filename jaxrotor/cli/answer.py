@@ -1,12 +1,12 @@
 """Answer: output of a command on stdout, as tables or as JSON."""
 
 import json
-import math
 from collections.abc import Mapping, Sequence
 from typing import Annotated, Any, NamedTuple
 
-import numpy as np
 import typer
+
+from ..core.plain import plain
 
 
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON on stdout and nothing else.")]
@@ -37,8 +37,8 @@ def give(as_json: bool, facts: Mapping[str, Any], *shown: str | Table | Rows) ->
 
 
 def print_json(answer: Mapping[str, Any]) -> None:
-    """Print valid JSON: arrays as lists, complex numbers as re and im, infinity and NaN as null."""
-    typer.echo(json.dumps(_plain(answer), indent=2, allow_nan=False))
+    """Print valid JSON, see `plain`."""
+    typer.echo(json.dumps(plain(answer), indent=2, allow_nan=False))
 
 
 def _print_table(table: Table) -> None:
@@ -70,22 +70,6 @@ def filled(rows: Mapping[str, Any]) -> Rows:
 def written(paths: Sequence[str]) -> Rows:
     """Table rows that name the files written by a run."""
     return [("written" if i == 0 else "", path) for i, path in enumerate(paths)]
-
-
-def _plain(value: Any) -> Any:
-    match value:
-        case None | bool() | int() | str():
-            return value
-        case float():
-            return float(value) if math.isfinite(value) else None
-        case complex():
-            return {"re": _plain(value.real), "im": _plain(value.imag)}
-        case Mapping():
-            return {str(key): _plain(item) for key, item in value.items()}
-        case list() | tuple():
-            return [_plain(item) for item in value]
-        case _:
-            return _plain(np.asarray(value).tolist())
 
 
 def assumed(assumption: str) -> Rows:

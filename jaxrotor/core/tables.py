@@ -9,23 +9,32 @@ import numpy as np
 
 MOST = 24  # rows of a result to show in a notebook
 RPM = 30 / np.pi  # rpm in one rad/s
+FAIL = "FAIL"  # text of a cell that says that a demand is not met
 
 
 def html_table(
     rows: Sequence[Sequence[str]], heads: Sequence[str] = (), numbers: Sequence[int] = ()
 ) -> str:
-    """Table with `heads` above its `rows`; columns listed in `numbers` are aligned to the right."""
+    """Table with `heads` above its `rows`; columns listed in `numbers` are aligned to the right.
+
+    Cells of the text `FAIL` have the class "fail".
+    """
     head = "".join(f"<th>{html.escape(text)}</th>" for text in heads)
     lines = [f"<tr>{head}</tr>"] if heads else []
     for row in rows:
         cells = (
-            f'<td class="number" style="text-align: right">{html.escape(text)}</td>'
-            if column in numbers
-            else f'<td style="text-align: left">{html.escape(text)}</td>'
+            f'<td{_class_of(text, column in numbers)} style="text-align: '
+            f'{"right" if column in numbers else "left"}">{html.escape(text)}</td>'
             for column, text in enumerate(row)
         )
         lines.append(f"<tr>{''.join(cells)}</tr>")
     return "<table>\n" + "\n".join(lines) + "\n</table>"
+
+
+def _class_of(text: str, number: bool) -> str:
+    """Attribute of a cell with its class, if it has one."""
+    name = "fail" if text == FAIL else "number" if number else ""
+    return f' class="{name}"' if name else ""
 
 
 def notebook_table(

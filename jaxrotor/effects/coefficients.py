@@ -34,6 +34,13 @@ class Parts(NamedTuple):
         unequal = (xx - yy) / 2 + 0j
         return cls((xx + yy) / 2, cross, unequal if deviator is None else unequal + deviator)
 
+    @property
+    def matrix(self) -> tuple[Any, Any, Any, Any]:
+        """The coefficients xx, xy, yx and yy; absent parts are zero."""
+        mean, cross, deviator = (0.0 if part is None else part for part in self)
+        along, across = jnp.real(deviator), jnp.imag(deviator)
+        return mean + along, across - cross, across + cross, mean - along
+
 
 class DeviatorLaw(AbstractSmoothLaw):
     """`F = -k z* - c z.*`, the part of a bearing's force that is unequal along axes fixed in space."""

@@ -253,9 +253,14 @@ class Support(AbstractUnequal, AbstractOverSpeed):
     @property
     def direct(self) -> tuple[Tabled, Tabled]:
         """Direct stiffnesses kxx and kyy [N/m], of a table at its nodes."""
-        mean, _, deviator = self._parts("stiffness")
-        unequal = 0.0 if deviator is None else jnp.real(deviator)
-        return mean + unequal, mean - unequal
+        kxx, _, _, kyy = self._parts("stiffness").matrix
+        return kxx, kyy
+
+    @property
+    def coefficients(self) -> dict[str, Tabled]:
+        """All of `kxx` .. `kyy` [N/m] and `cxx` .. `cyy` [N s/m], whichever way they were given."""
+        own = [value for name in LETTERS for value in self._parts(name).matrix]
+        return dict(zip(COEFFICIENTS, own, strict=True))
 
     @property
     def turns_section(self) -> bool:

@@ -210,6 +210,9 @@ def _draw_crossings(
             alike = [one[1] for one in seen if one[4] == way and abs(one[2] - frequency) < near]
             right = (speed > np.mean(alike)) != back
             place = ((4 if right else -4, -9 if way < 0 else 4), "left" if right else "right")
+        late = at[0] > factor * (np.max(result.speeds) - span)
+        if late and place[1] == "left":  # where the list of rings is
+            place = (-4, place[0][1]), "right"
         ax.annotate(text, at, place[0], ha=place[1], **beside)
         listed.append((f"{number}", order, speed, ratio, way))
     for (way, _), places in rings.items():
@@ -224,7 +227,7 @@ def _draw_crossings(
     rows = []
     for mark, order, speed, ratio, way in (*listed, *hidden):
         sense = "whirl" if result.forward is None else _SENSES[int(way)]
-        text = f"{mark}  {factor * speed:.4g} {unit}, {sense}, D = {ratio:.2g}"
+        text = f"{mark}  {labels.number(factor * speed)} {unit}, {sense}, D = {ratio:.2g}"
         (times, shaft) = order
         text += f", {times:g}x {shaft}" if shaft else "" if times == 1 else f" ({times:g}x)"
         rows.append((text, colours.GREY if mark == "\N{EN DASH}" else _COLOURS[int(way)]))
@@ -259,7 +262,9 @@ def _draw_undamped(
     ax.plot(x, heights[inside], label="critical speed, undamped", zorder=4.5, **style)
     rows = zip(speeds[inside].tolist(), kinds[inside].tolist(), strict=True)
     cross = "\N{MULTIPLICATION SIGN}"
-    return [(f"{cross}  {speed:.4g} {unit}, {kind}", colours.DARK) for speed, kind in rows]
+    return [
+        (f"{cross}  {labels.number(speed)} {unit}, {kind}", colours.DARK) for speed, kind in rows
+    ]
 
 
 def _list(ax: Axes, rows: list[tuple[str, str]], last: Axes) -> None:

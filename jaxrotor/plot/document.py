@@ -1,9 +1,11 @@
 """Document: headings, sentences, numbered tables and figures, as one HTML or PDF file."""
 
 import html
+import importlib.util
 import io
+import itertools
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from string import Template
 from typing import Any, NamedTuple
@@ -12,13 +14,17 @@ import matplotlib
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 
-from ..core.tables import html_table
+from ..core.tables import FAIL, html_table
 from ..files.draft import replacing
 from .page import STYLE, inches
 from .report import TEMPLATE, image
 
 
 ENDINGS = (".html", ".pdf")
+NO_PDF = (
+    "Writing .pdf needs the package fpdf2, which is not installed; add it by `pip install fpdf2`, or "
+    "write .html."
+)
 _DPI = 200
 _FONT = "DejaVu"
 _MARGIN, _WIDTH = 18.0, 174.0  # mm of an A4 page
@@ -38,7 +44,7 @@ class Sentence(NamedTuple):
 
 
 class Table(NamedTuple):
-    """Table below its caption; columns in `numbers` are aligned to the right, "FAIL" is red."""
+    """Table below its caption; columns in `numbers` are aligned to the right, `FAIL` is red."""
 
     caption: str
     heads: Sequence[str]
@@ -58,42 +64,63 @@ class Picture(NamedTuple):
 
 
 Part = Heading | Sentence | Table | Picture
+Paths = str | os.PathLike[str] | Sequence[str | os.PathLike[str]]
 
 
-def write_document(path: str | os.PathLike[str], title: str, parts: Sequence[Part]) -> None:
-    """Write a document to .html or .pdf; an existing file is replaced once the new one is complete.
+class _Drawn(NamedTuple):
+    """PNG of a picture, with its height over its width."""
+
+    caption: str
+    png: bytes
+    ratio: float
+
+
+def write_document(paths: Paths, title: str, parts: Sequence[Part]) -> None:
+    """Write a document to .html, .pdf or both; an existing file is replaced once the new one is complete.
 
     Args:
-        path: the file, which ends in .html or .pdf; the latter needs `pip install 'jaxrotor[pdf]'`.
+        paths: the file, or several, each of which ends in .html or .pdf; the latter needs
+            `pip install 'jaxrotor[pdf]'`. Pictures are drawn once for all.
         title: heading of the document.
         parts: its parts in order; tables and figures are numbered.
 
     Raises:
-        ValueError: the ending is another one, or the package for PDF is not installed.
+        ValueError: an ending is another one, or the package for PDF is not installed.
     """
-    target = Path(path)
-    if target.suffix not in ENDINGS:
-        raise ValueError(f"A document ends in {' or '.join(ENDINGS)}, but is {target.name}.")
-    captioned = list(_numbered(parts))
-    with replacing(target) as draft:
-        if target.suffix == ".html":
-            draft.write_text(_html(title, captioned), "utf-8", newline="\n")
-        else:
-            draft.write_bytes(_pdf(title, captioned))
+    targets = [Path(one) for one in ([paths] if isinstance(paths, str | os.PathLike) else paths)]
+    for target in targets:
+        if target.suffix not in ENDINGS:
+            raise ValueError(f"A document ends in {' or '.join(ENDINGS)}, but is {target.name}.")
+        if target.suffix == ".pdf" and not writes_pdf():
+            raise ValueError(NO_PDF)
+    drawn = list(_numbered(parts))
+    for target in targets:
+        with replacing(target) as draft:
+            if target.suffix == ".html":
+                draft.write_text(_html(title, drawn), "utf-8", newline="\n")
+            else:
+                draft.write_bytes(_pdf(title, drawn))
 
 
-def _numbered(parts: Sequence[Part]) -> Any:
-    """The parts, with "Table 3: " and "Figure 2: " before their captions."""
-    counts = {Table: 0, Picture: 0}
+def writes_pdf() -> bool:
+    """Whether the package that writes PDF is installed."""
+    return importlib.util.find_spec("fpdf") is not None
+
+
+def _numbered(parts: Sequence[Part]) -> Iterator[Heading | Sentence | Table | _Drawn]:
+    """The parts, with "Table 3: " and "Figure 2: " before their captions, and pictures drawn."""
+    tables, figures = itertools.count(1), itertools.count(1)
     for part in parts:
-        if isinstance(part, Table | Picture):
-            counts[type(part)] += 1
-            noun = "Table" if isinstance(part, Table) else "Figure"
-            part = part._replace(caption=f"{noun} {counts[type(part)]}: {part.caption}")
-        yield part
+        if isinstance(part, Table):
+            yield part._replace(caption=f"Table {next(tables)}: {part.caption}")
+        elif isinstance(part, Picture):
+            caption = f"Figure {next(figures)}: {part.caption}"
+            yield _Drawn(caption, _png(part), part.height / part.width)
+        else:
+            yield part
 
 
-def _drawn(picture: Picture) -> bytes:
+def _png(picture: Picture) -> bytes:
     """PNG of a picture."""
     buffer = io.BytesIO()
     with rc_context(STYLE):
@@ -104,7 +131,7 @@ def _drawn(picture: Picture) -> bytes:
     return buffer.getvalue()
 
 
-def _html(title: str, parts: Sequence[Part]) -> str:
+def _html(title: str, parts: Sequence[Any]) -> str:
     lines = []
     for part in parts:
         match part:
@@ -115,21 +142,16 @@ def _html(title: str, parts: Sequence[Part]) -> str:
             case Table():
                 lines.append(f"<h3>{html.escape(part.caption)}</h3>")
                 lines.append(html_table(part.rows, part.heads, part.numbers))
-            case Picture():
-                lines.append(image(_drawn(part), "png", part.caption))
-    body = "\n".join(lines).replace(">FAIL<", ' style="color: #b41e14; font-weight: bold">FAIL<')
-    return Template(TEMPLATE.read_text("utf-8")).substitute(title=html.escape(title), body=body)
+            case _Drawn():
+                lines.append(image(part.png, "png", part.caption))
+    text = Template(TEMPLATE.read_text("utf-8"))
+    return text.substitute(title=html.escape(title), body="\n".join(lines))
 
 
-def _pdf(title: str, parts: Sequence[Part]) -> bytes:
-    try:
-        from fpdf import FPDF
-        from fpdf.fonts import FontFace
-    except ImportError:
-        raise ValueError(
-            "Writing .pdf needs the package fpdf2, which is not installed; add it by `pip install fpdf2`, "
-            "or write .html."
-        ) from None
+def _pdf(title: str, parts: Sequence[Any]) -> bytes:
+    from fpdf import FPDF
+    from fpdf.fonts import FontFace
+
     fonts = Path(matplotlib.get_data_path()) / "fonts" / "ttf"
     pdf = FPDF()
     pdf.set_title(title)
@@ -152,11 +174,11 @@ def _pdf(title: str, parts: Sequence[Part]) -> bytes:
                 text(12, words, "B")
             case Sentence(words):
                 text(9, words)
-            case Picture():
-                height = _WIDTH * part.height / part.width
+            case _Drawn():
+                height = _WIDTH * part.ratio
                 if pdf.get_y() + height + 12 > pdf.h - _MARGIN:
                     pdf.add_page()
-                pdf.image(io.BytesIO(_drawn(part)), w=_WIDTH, h=height)
+                pdf.image(io.BytesIO(part.png), w=_WIDTH, h=height)
                 text(8, part.caption, after=4)
             case Table():
                 if pdf.get_y() > 0.85 * pdf.h:
@@ -172,7 +194,7 @@ def _pdf(title: str, parts: Sequence[Part]) -> bytes:
                     for cells in part.rows:
                         row = table.row()
                         for cell in cells:
-                            row.cell(cell, style=failed if cell == "FAIL" else None)
+                            row.cell(cell, style=failed if cell == FAIL else None)
                 pdf.ln(4)
     return bytes(pdf.output())
 
@@ -180,4 +202,4 @@ def _pdf(title: str, parts: Sequence[Part]) -> bytes:
 def _widths(table: Table) -> list[int]:
     """Relative widths of the columns: that of the longest text, within bounds."""
     columns = zip(table.heads, *table.rows, strict=True)
-    return [min(max(6, *map(len, column)) + 2, 48) for column in columns]
+    return [min(max(6, *map(len, column)) + 2, 60) for column in columns]

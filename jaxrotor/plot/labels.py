@@ -81,9 +81,15 @@ def words(path: str) -> str:
     return re.sub(r"[._]", " ", path)
 
 
+def number(value: float) -> str:
+    """Text of a speed, with four digits, whole from 10 000 on."""
+    return f"{value:.4g}" if abs(value) < 1e4 else f"{value:.0f}"
+
+
 def root(value: complex) -> str:
     """Description of a root, such as "77 rad/s, decay 5.04 /s"."""
-    whirl = f"{abs(value.imag):.4g} rad/s" if whirls(value) else "no whirl"
+    turns, unit = speed_unit()
+    whirl = f"{number(turns * abs(value.imag))} {unit}" if whirls(value) else "no whirl"
     if is_rounding(value.real, value):
         return f"{whirl}, undamped"
     return f"{whirl}, {'growth' if value.real > 0 else 'decay'} {abs(value.real):.3g} /s"

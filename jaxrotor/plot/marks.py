@@ -136,18 +136,22 @@ def draw_stops(ax: Axes, scene: Scene, at: float, radius: float, factor: float) 
 
 
 def draw_amplitudes(
-    ax: Axes, gaps: Sequence[float | int], scale: tuple[float, str], largest: float
+    ax: Axes,
+    gaps: Sequence[float | int],
+    scale: tuple[float, str],
+    largest: float,
+    name: str = "clearance",
 ) -> None:
-    """Draw lines at amplitudes [m] that reach a stop, in a unit: its factor from m, and its name.
+    """Draw lines at amplitudes [m], as those that reach a stop; `scale` is a unit: factor from m, name.
 
     One far beyond the `largest` amplitude [m] of a motion is only named in the legend.
     """
     factor, unit = scale
     for gap in gaps:
         if gap > BEYOND * largest > 0:
-            ax.plot([], [], label=f"clearance {factor * gap:.3g} {unit}, beyond", **_STYLE)
+            ax.plot([], [], label=f"{name} {factor * gap:.3g} {unit}, beyond", **_STYLE)
         else:
-            ax.axhline(factor * gap, label=page.once(ax, "clearance"), **_STYLE)
+            ax.axhline(factor * gap, label=page.once(ax, name), **_STYLE)
 
 
 def draw_sideways(

@@ -35,6 +35,7 @@ def response(
     peaks: ResponsePeaks | None = None,
     operating: tuple[float | int, float | int] | None = None,
     clearance: float | int | None = None,
+    limit: float | int | None = None,
 ) -> tuple[Axes, Axes]:
     """Amplitude of each part of a steady motion above, and its phase below, against speed.
 
@@ -57,6 +58,8 @@ def response(
             with a bar between the speeds of half power.
         operating: slowest and fastest operating speed [rad/s], shaded.
         clearance: amplitude [m] at which the shaft would touch, a line; only named if it is far beyond.
+        limit: limit of vibration, peak to peak [m], a line like `clearance`; all amplitudes are then drawn
+            peak to peak.
 
     Returns:
         The upper Axes, amplitude, and the lower, phase [deg].
@@ -70,7 +73,8 @@ def response(
     if not forced:  # phases are counted in the sense of rotation of the shaft whose unbalance acts
         shown = {name: np.where(whirls < 0, np.conj(part), part) for name, part in shown.items()}
     largest = sum(np.nanmax(np.abs(part), initial=0.0) for part in shown.values())
-    factor, length = labels.length(largest)
+    factor, length = labels.length(largest if limit is None else 2 * largest)
+    factor *= 1 if limit is None else 2
     for (name, colour), part in shown.items():
         page.curve(upper, speeds, factor * np.abs(part), colour, name)
         page.curve(lower, speeds, _phase(part), colour, name)
@@ -83,13 +87,17 @@ def response(
         lower.yaxis.set_major_locator(MaxNLocator(7, steps=[1, 1.8, 3, 4.5, 9, 10]))
     if not len(probes) and len(shown) > 1:  # an ellipse, which only its axis measures
         major = factor * sum(np.abs(part) for part in shown.values())
-        page.curve(upper, speeds, major, colours.DARK, "major half axis")
+        page.curve(
+            upper, speeds, major, colours.DARK, "major half axis" if limit is None else "major axis"
+        )
     if critical is not None:
         draw_critical((upper, lower), critical, float(speeds.min()), float(speeds.max()))
     if peaks is not None:
         _draw_peaks(upper, peaks, factor)
     if operating is not None:
         draw_operating((upper, lower), *operating)
+    if limit is not None:
+        draw_amplitudes(upper, [limit / 2], (factor, length), largest, "limit")
     if clearance is not None:
         draw_amplitudes(upper, [clearance], (factor, length), largest)
     unstable = np.zeros(speeds.shape, bool) if growth is None else np.asarray(growth) > 0
@@ -102,7 +110,8 @@ def response(
     else:
         upper.set_ylim(bottom=0.0)
     several = len(upper.get_legend_handles_labels()[1]) > 1 or hasattr(result, "twice")
-    page.finish(upper, y=f"amplitude [{length}]", columns=3 if several else 0)
+    name = "amplitude" if limit is None else "peak to peak"
+    page.finish(upper, y=f"{name} [{length}]", columns=3 if several else 0)
     name = (
         "spin speed" if np.array_equal(whirls, result.speeds) else "spin speed of the first shaft"
     )

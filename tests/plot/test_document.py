@@ -5,6 +5,7 @@ import zlib
 
 import pytest
 
+from jaxrotor.plot import document
 from jaxrotor.plot.document import Heading, Picture, Sentence, Table, write_document
 
 
@@ -28,6 +29,7 @@ def test_tables_and_figures_are_numbered(tmp_path):
     ]
     assert "Title &lt;1&gt;" in page
     assert page.count("data:image/png;base64,") == 2
+    assert page.count('class="fail"') == 1  # the cell, as the caption has no such word
 
 
 def test_a_pdf_has_its_pictures_and_pages(tmp_path):
@@ -39,6 +41,22 @@ def test_a_pdf_has_its_pictures_and_pages(tmp_path):
     assert content.count(b"/Subtype /Image") >= 2
     streams = re.findall(rb"stream\n(.*?)\nendstream", content, re.DOTALL)
     assert any(b" Tj" in zlib.decompress(one) for one in streams if one[:1] == b"x")
+
+
+def test_pictures_are_drawn_once_for_all_files(tmp_path):
+    drawn = []
+    write_document(
+        [tmp_path / "a.html", tmp_path / "a.pdf"], "Title", [Picture("one", drawn.append)]
+    )
+    assert len(drawn) == 1
+    assert (tmp_path / "a.html").exists() and (tmp_path / "a.pdf").exists()
+
+
+def test_words_without_the_package_for_pdf(tmp_path, monkeypatch):
+    monkeypatch.setattr(document, "writes_pdf", lambda: False)
+    with pytest.raises(ValueError, match="pip install fpdf2"):
+        write_document([tmp_path / "a.html", tmp_path / "a.pdf"], "Title", PARTS)
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_words_for_another_ending(tmp_path):

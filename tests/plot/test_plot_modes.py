@@ -440,6 +440,17 @@ def test_response_draws_amplitude_and_phase():
     assert lower.get_xlabel() == "spin speed [rad/s]" and upper.get_ylim()[0] == 0.0
 
 
+def test_response_with_a_limit_is_peak_to_peak():
+    """2 e / (2 D) is 20 mm, so 40 mm peak to peak; a limit of 50 mm, and one that is far beyond."""
+    upper, _ = plot.response(resonance(), station=1, limit=0.05)
+    speed, swing = upper.lines[0].get_data()
+    assert swing[speed == 100.0] == pytest.approx([4 * 1.0 / 0.1])
+    np.testing.assert_allclose(lines(upper)["limit"].get_ydata(), 50.0)
+    assert upper.get_ylabel() == "peak to peak [mm]"
+    far, _ = plot.response(resonance(), station=1, limit=1.0)
+    assert "limit 1e+03 mm, beyond" in lines(far) and far.get_ylim()[1] < 100
+
+
 def test_response_in_micrometres_and_decades():
     small = resonance()
     small = circles(small.speeds, small.stations, 1e-3 * small.forward)
