@@ -42,6 +42,7 @@ PLAIN = {  # fields that are declared without a comment
     "Machine.probes": "probes of displacement",
     "Machine.clearances": "close clearances",
     "Machine.stages": "what drives forward whirl",
+    "Machine.name": "name for the title of a report",
     "Campbell.frame": 'axes of constant coefficients, "fixed", "rotating" or "periodic"',
     "Crossings.damping_ratio": "damping ratio of the whirl at each crossing [1]",
     "AxisSpeeds.across": "critical speeds across the axis [rad/s]",

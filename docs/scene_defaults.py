@@ -39,6 +39,8 @@ WHY = {
     "material.shear_modulus": "needed where `shear = true`",
     # the machine, which adds nothing to a scene
     "machine.trip": "absent: 5 % above the fastest",
+    "machine.rated": "absent: the fastest",
+    "machine.name": "the title of the file",
     "machine.bearings": "absent: the two of the scene",
     "machine.couplings": "absent: no case of unbalance there",
     "machine.gas_density": "absent: stability is judged as in region B",

@@ -9,6 +9,7 @@ import typer
 from ..analysis.lateral import HEADS, ONLY, LateralAnalysis, lateral_analysis
 from ..files.machine import machine
 from ..files.toml import title
+from ..plot.document import NO_PDF, writes_pdf
 from ..plot.lateral_report import lateral_report
 from ..scene import Scene
 from . import answer, options
@@ -38,7 +39,9 @@ def api(
     The machine around the rotor is the table [machine] of SCENE: its running range, probes, close
     clearances and stages. Undamped critical speed map, Campbell diagram, damped response to the unbalance
     cases that the standard places by mode shape, separation margins, clearances, Level I stability.
-    With --out, DIR/lateral.html, DIR/lateral.json, and where fpdf2 is installed DIR/lateral.pdf.
+    With --out, DIR/lateral.html, DIR/lateral.json, and where fpdf2 is installed DIR/lateral.pdf. Printed
+    are the demands that are not met, and of each paragraph that is met the one with the least room; the
+    report and --json have all.
 
     jaxrotor api compressor --out runs/api
     """
@@ -48,21 +51,21 @@ def api(
     found = lateral_analysis(scenes, machine(scene))
     files: list[str] = []
     if out is not None:
-        head = f"Lateral analysis: {title(scene) or scene}"
+        own = title(scene) if largest is None else " and ".join(names)
+        head = f"Lateral analysis: {found.machine.name or own or scene}"
         with draft(out, _FILES, overwrite) as folder:
             _write(found, folder, head)
         files = written_to(out, _FILES)
-    failed = [one for one in found.criteria if not one.passed]
-    rows = [one.texts for one in found.criteria]
-    notes = {"demands": f"{len(rows) - len(failed)} of {len(rows)} are met"}
+    met = [one.passed for one in found.criteria]
+    rows = [one.texts for one in found.summary]
+    notes = {"demands": f"{sum(met)} of {len(met)} are met"}
     tables = answer.Table(rows, HEADS, (3, 4)), answer.filled(notes) + answer.written(files)
     answer.give(as_json, found.data() | {"written": files}, *tables)
 
 
 def _write(found: LateralAnalysis, folder: Path, head: str) -> None:
-    lateral_report(found, folder / "lateral.html", head)
     (folder / "lateral.json").write_text(json.dumps(found.data(), indent=1), "utf-8")
-    try:
-        lateral_report(found, folder / "lateral.pdf", head)
-    except ValueError as error:
-        answer.note(str(error))
+    if not writes_pdf():
+        answer.note(NO_PDF)
+    endings = ("html", "pdf") if writes_pdf() else ("html",)
+    lateral_report(found, [folder / f"lateral.{ending}" for ending in endings], head)

@@ -89,21 +89,23 @@ class Machine(AbstractPart):
     """Data of a machine that are not of its rotor: speeds, bearings, probes, clearances, stages.
 
     Speeds are magnitudes. `slowest` and `fastest` are the minimum operating and the maximum continuous
-    speed, `trip` is by default 5 % above. `bearings` are the stations of the two journal bearings, by
-    default those of the scene, where it has two. The power of a stage is that at `fastest`. `couplings`
-    are stations of half couplings, each outside of the bearings. `gas_density` is the mean of suction
-    and discharge.
+    speed, `trip` is by default 5 % above. `rated` is by default `fastest`; the power of a stage is that
+    at this speed. `bearings` are the stations of the two journal bearings, by default those of the scene,
+    where it has two. `couplings` are stations of half couplings, each outside of the bearings.
+    `gas_density` is the mean of suction and discharge. `name` is in the title of a report.
     """
 
     slowest: Scalar = positive("slowest [rad/s]")
     fastest: Scalar = positive("fastest [rad/s]")
     trip: Scalar = positive("trip [rad/s]", default=None)
+    rated: Scalar = positive("rated [rad/s]", default=None)
     bearings: Series = series("bearings [m]", ascending=True, nonnegative=True, default=None)
     probes: tuple[Probe, ...] = eqx.field(default=(), converter=as_tuple)
     clearances: tuple[Clearance, ...] = eqx.field(default=(), converter=as_tuple)
     stages: tuple[Stage, ...] = eqx.field(default=(), converter=as_tuple)
     couplings: Series = series("couplings [m]", nonnegative=True, least=1, default=None)
     gas_density: Scalar = nonnegative("gas_density [kg/m^3]", default=None)
+    name: str = eqx.field(default="", static=True)
 
     def __check_init__(self):
         for name, kind in (("probes", Probe), ("clearances", Clearance), ("stages", Stage)):
@@ -117,6 +119,11 @@ class Machine(AbstractPart):
                 f"{', '.join(f'{RPM * one:.5g}' for one in speeds)} rpm; a number without a unit is in "
                 'rad/s, so write "7000 rpm" where that is meant.'
             )
+        if not self.slowest <= self.rated_speed <= self.fastest:
+            raise ValueError(
+                "`rated [rad/s]` must be from `slowest` to `fastest`, but is "
+                f"{RPM * self.rated_speed:.5g} rpm; give the speed of the rated power."
+            )
         if self.bearings is not None and np.size(self.bearings) != 2:
             raise ValueError(
                 f"`bearings [m]` must be the stations of two bearings, but has {np.size(self.bearings)}."
@@ -128,10 +135,19 @@ class Machine(AbstractPart):
         return float(1.05 * self.fastest if self.trip is None else self.trip)
 
     @property
+    def rated_speed(self) -> float:
+        """Speed of the rated power [rad/s]."""
+        return float(self.fastest if self.rated is None else self.rated)
+
+    @property
+    def cross_couplings(self) -> list[float]:
+        """Anticipated cross-coupled stiffness of each stage [N/m], at the rated speed."""
+        return [stage.cross_coupling(self.rated_speed) for stage in self.stages]
+
+    @property
     def anticipated(self) -> float:
-        """Sum Q_A of the anticipated cross-coupled stiffnesses of all stages [N/m], at `fastest`."""
-        each = (stage.cross_coupling(float(self.fastest)) for stage in self.stages)
-        return sum(each, start=0.0)
+        """Sum Q_A of `cross_couplings` [N/m]."""
+        return sum(self.cross_couplings, start=0.0)
 
 
 def machine(name_or_path: str | os.PathLike[str]) -> Machine:

@@ -16,7 +16,11 @@ from .histories import (
     speed as speed,
     whirl_history as whirl_history,
 )
-from .lateral import critical_map as critical_map, level_one as level_one
+from .lateral import (
+    critical_map as critical_map,
+    deflected_shapes as deflected_shapes,
+    level_one as level_one,
+)
 from .lateral_report import lateral_report as lateral_report
 from .modes import mode_shapes as mode_shapes, modes3d as modes3d
 from .orbit import (

@@ -1,14 +1,18 @@
-"""Lateral analysis: undamped critical speed map, and Level I stability."""
+"""Lateral analysis: undamped critical speed map, deflected shapes, and Level I stability."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 
-from ..analysis.lateral import CriticalMap, LevelOne, ratio_limit
+from ..analysis.lateral import CaseResponse, CriticalMap, LevelOne, ratio_limit
+from ..analysis.lateral.damped_response import SHARE
 from ..analysis.lateral.level_one import DECREMENT
+from ..files.machine import Clearance
 from . import colours, page
-from .units import speed_unit
+from .marks import BEYOND
+from .units import length_unit, speed_unit
 
 
 _DASHES = "-", "--"  # of the direct stiffnesses of a bearing along x and y
@@ -37,7 +41,8 @@ def critical_map(
     turns, unit = speed_unit()
     for number, branch in enumerate(turns * result.speeds.T, 1):
         page.curve(ax, result.stiffnesses, branch, colours.BLUE, page.once(ax, "critical speeds"))
-        ax.annotate(str(number), (result.stiffnesses[-1], branch[-1]), fontsize=page.TEXT)
+        inside: Any = {"xytext": (-4, 2), "textcoords": "offset points", "ha": "right"}
+        ax.annotate(str(number), (result.stiffnesses[-1], branch[-1]), fontsize=page.TEXT, **inside)
     alike = np.allclose(result.own[:, :1], result.own)
     bearings = zip(result.bearings.tolist(), np.moveaxis(result.own, 1, 0), strict=True)
     for number, (at, bearing) in enumerate(list(bearings)[: 1 if alike else None], 1):
@@ -55,6 +60,59 @@ def critical_map(
         ax.axhspan(low, high, color=colours.TEAL, alpha=0.2, linewidth=0, label="running range")
     name = f"critical speed [{unit}]"
     return page.finish(ax, "stiffness of every bearing [N/m]", name, columns=3)
+
+
+def deflected_shapes(
+    result: CaseResponse, ax: Axes | None = None, clearances: Sequence[Clearance] = ()
+) -> Axes:
+    """Scaled response along the shaft at its peaks and at the rated speed, peak to peak, below clearances.
+
+    Amplitudes are the major axes of the orbits times `result.scale`. A bar over the station of a close
+    clearance goes from 75 % of it, which is its limit, to the whole; clearances far beyond all shapes are
+    only named by the smallest. Shapes beyond the trip speed, where the limit does not apply, are dashed.
+
+    Args:
+        result: one of `cases` of a scene of `jaxrotor.lateral_analysis`.
+        ax: Axes to draw in; a new figure if None.
+        clearances: those of the machine.
+
+    Returns:
+        The Axes, displacement over the position.
+
+    Source: API RP 684 (2005), SP6.8.2.12, SP6.8.2.13.
+    """
+    ax = page.single(ax, 170, 75)
+    shapes, (turns, unit) = 2 * result.scale * np.asarray(result.shapes.major), speed_unit()
+    spans = [float(one.diametral) for one in clearances]
+    (lengths, along), (factor, across) = length_unit("m"), length_unit("\N{MICRO SIGN}m")
+    stations = lengths * np.asarray(result.shapes.stations)
+    speeds = np.abs(np.asarray(result.shapes.speeds)).tolist()
+    kinds = ["peak"] * (len(speeds) - 1) + ["rated"]
+    for number, (speed, kind, shape) in enumerate(zip(speeds, kinds, shapes, strict=True)):
+        name, dashes = f"{kind}, {turns * speed:.0f} {unit}", "--" if speed > result.trip else "-"
+        colour = colours.DARK if kind == "rated" else colours.cycled(number)
+        page.curve(ax, stations, factor * shape, colour, name, linestyle=dashes)
+    bar: Any = {"color": colours.ORANGE, "linewidth": 4.0}
+    far = SHARE * min(spans, default=0.0) > BEYOND * shapes.max()
+    if far:
+        ax.plot([], [], label=f"clearance {factor * min(spans):.3g} {across}, beyond", **bar)
+    for one, span in () if far else zip(clearances, spans, strict=True):
+        at = lengths * float(one.at)
+        label = page.once(ax, "clearance")
+        ax.vlines(at, factor * SHARE * span, factor * span, label=label, **bar)
+        away, side = (4, "left") if at < 0.7 * stations[-1] else (-4, "right")
+        text: Any = {
+            "textcoords": "offset points",
+            "ha": side,
+            "va": "top",
+            "fontsize": page.TEXT - 1,
+        }
+        ax.annotate(one.label, (at, factor * span), (away, -2), **text)
+    ax.margins(x=0)
+    ax.set_ylim(bottom=0.0)
+    return page.finish(
+        ax, f"position along the shaft [{along}]", f"scaled, peak to peak [{across}]", columns=3
+    )
 
 
 def level_one(result: LevelOne, axes: Any = None) -> tuple[Axes, Axes]:

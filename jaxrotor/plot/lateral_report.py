@@ -1,21 +1,23 @@
 """Lateral report: a lateral analysis as one document with numbered tables and figures."""
 
-import os
 from collections.abc import Iterator
 from functools import partial
+from typing import Any
 
 import numpy as np
 
+from ..analysis import StaticPositions
 from ..analysis.lateral import HEADS, CaseResponse, LateralAnalysis, SceneAnalysis, verdict
-from ..analysis.lateral.damped_response import SHARE
 from ..analysis.lateral.unbalance_cases import journal_loads
 from ..core.quantities import with_values
 from ..core.tables import RPM
+from ..effects import Gravity
 from ..files.machine import Machine
 from ..results.provenance import versions
 from .campbell import campbell
-from .document import Heading, Part, Picture, Sentence, Table, write_document
-from .lateral import critical_map, level_one
+from .document import Heading, Part, Paths, Picture, Sentence, Table, write_document
+from .lateral import critical_map, deflected_shapes, level_one
+from .modes import mode_shapes
 from .response import response
 from .rotor import rotor
 from .units import units
@@ -25,23 +27,21 @@ _STANDARD = "API RP 684, 2nd edition (2005), standard paragraphs SP6.8.2 and SP6
 _UM = 1e6
 
 
-def lateral_report(
-    result: LateralAnalysis, path: str | os.PathLike[str], title: str = "Lateral analysis"
-) -> None:
-    """Write a lateral analysis to .html or .pdf: criteria, machine, and answers of every scene.
+def lateral_report(result: LateralAnalysis, paths: Paths, title: str = "Lateral analysis") -> None:
+    """Write a lateral analysis to .html, .pdf or both: criteria, machine, and answers of every scene.
 
     Tables and figures are numbered. An existing file is replaced once the new one is complete.
 
     Args:
         result: result of `jaxrotor.lateral_analysis`.
-        path: the file; .pdf needs `pip install 'jaxrotor[pdf]'`.
+        paths: the file, or several of the same content; .pdf needs `pip install 'jaxrotor[pdf]'`.
         title: heading of the report.
 
     Raises:
-        ValueError: the ending is another one, or the package for PDF is not installed.
+        ValueError: an ending is another one, or the package for PDF is not installed.
     """
     with units(speed="rpm"):
-        write_document(path, title, list(_parts(result)))
+        write_document(paths, title, list(_parts(result)))
 
 
 def _parts(result: LateralAnalysis) -> Iterator[Part]:
@@ -58,33 +58,39 @@ def _parts(result: LateralAnalysis) -> Iterator[Part]:
             "One clearance of the bearings was analysed; the standard asks for the smallest and "
             "the largest."
         )
-    rows = [one.texts for one in result.criteria]
-    yield Table("Criteria of the standard", HEADS, rows, (3, 4))
+    rows = [one.texts for one in result.summary]
+    what = "Demands that are not met, and of each paragraph that is met the one with the least room"
+    yield Table(what, HEADS, rows, (3, 4))
     yield Heading("Machine")
     yield from _machine(machine)
     for name, part in result.scenes.items():
         yield from _scene(name, part, result)
     yield Heading("Versions")
     yield Sentence(versions())
+    yield Heading("Appendix: all demands")
+    rows = [one.texts for one in result.criteria]
+    yield Table("Demands of the standard", HEADS, rows, (3, 4))
 
 
 def _machine(machine: Machine) -> Iterator[Part]:
+    taken = "" if machine.rated is not None else ", taken as the maximum continuous speed"
     speeds = {
         "minimum operating speed": machine.slowest,
+        f"rated speed{taken}": machine.rated_speed,
         "maximum continuous speed": machine.fastest,
         "trip speed": machine.highest,
     }
     rows = [(name, f"{RPM * float(speed):.5g}", "rpm") for name, speed in speeds.items()]
     if machine.gas_density is not None:
         rows.append(("mean gas density", f"{float(machine.gas_density):.4g}", "kg/m^3"))
-    yield Table("Speeds", ("", "", "unit"), rows, (1,))
+    yield Table("Speeds and gas", ("quantity", "value", "unit"), rows, (1,))
     places = [(one.label, "probe", f"{float(one.at):.4g}", "") for one in machine.probes]
     places += [
         (one.label, "close clearance", f"{float(one.at):.4g}", f"{_UM * float(one.diametral):.4g}")
         for one in machine.clearances
     ]
     yield Table(
-        "Probes and close clearances", ("name", "", "at [m]", "diametral [um]"), places, (2, 3)
+        "Probes and close clearances", ("name", "kind", "at [m]", "diametral [um]"), places, (2, 3)
     )
     if machine.stages:
         rows = [
@@ -95,13 +101,13 @@ def _machine(machine: Machine) -> Iterator[Part]:
                 f"{1e3 * float(one.diameter):.4g}",
                 f"{1e3 * float(one.width):.4g}",
                 "" if one.density_ratio is None else f"{float(one.density_ratio):.4g}",
-                f"{1e-6 * one.cross_coupling(float(machine.fastest)):.4g}",
+                f"{1e-6 * own:.4g}",
             )
-            for one in machine.stages
+            for one, own in zip(machine.stages, machine.cross_couplings, strict=True)
         ]
         heads = (
             "stage",
-            "",
+            "kind",
             "power [kW]",
             "diameter [mm]",
             "width [mm]",
@@ -109,39 +115,107 @@ def _machine(machine: Machine) -> Iterator[Part]:
             "q [MN/m]",
         )
         total = f"sum {1e-6 * machine.anticipated:.4g} MN/m"
-        yield Table(f"Anticipated cross coupling, {total} (SP6.8.5.6)", heads, rows, range(2, 7))
+        caption = f"Anticipated cross coupling at the rated speed, {total} (SP6.8.5.6)"
+        yield Table(caption, heads, rows, range(2, 7))
 
 
 def _scene(name: str, part: SceneAnalysis, result: LateralAnalysis) -> Iterator[Part]:
     machine = result.machine
-    running = float(machine.slowest), float(machine.fastest)
     sense = float(part.scene.spin.sense)
-    operating = sense * running[0], sense * running[1]
+    operating = sense * float(machine.slowest), sense * float(machine.fastest)
     yield Heading(f"Rotor, {name}")
     if part.scene.assumption:
         yield Sentence(f"Assumption: {part.scene.assumption}.")
     plain = with_values(part.scene, assumption="")
-    yield Picture("the rotor, to scale", partial(rotor, plain), height=70)
-    loads = journal_loads(part.scene, part.bearings)
-    at = ", ".join(
-        f"{load:.4g} kg at {z:.4g} m" for load, z in zip(loads, part.bearings, strict=True)
-    )
+    yield Picture("the rotor, to scale", partial(rotor, plain), height=48)
     low, high = (RPM * one for one in part.speeds)
     yield Sentence(
-        f"The rotor weighs {sum(loads):.4g} kg; its bearings carry {at}. The response is computed from "
-        f"{low:.0f} to {high:.0f} rpm."
+        f"The rotor weighs {sum(journal_loads(part.scene, part.bearings)):.4g} kg. The response is "
+        f"computed from {low:.0f} to {high:.0f} rpm."
     )
-    drawn = partial(critical_map, part.map, operating=running)
-    yield Picture(
-        "undamped critical speed map, with the stiffness of the bearings", drawn, height=95
-    )
-    rigid = ", ".join(f"{RPM * one:.0f}" for one in part.map.rigid if np.isfinite(one))
-    yield Sentence(f"On rigid bearings the critical speeds are {rigid} rpm.")
-    diagram = partial(campbell, part.campbell, critical=part.critical, operating=operating)
-    yield Picture("Campbell diagram with the running range", diagram, height=120, rows=2)
+    yield from _bearings(part, machine)
+    yield from _modes(part, operating)
     yield _cases(part, machine)
     for case in part.cases:
         yield from _responses(case, machine, operating)
+    yield _peaks(result.margins(name))
+    if machine.clearances:
+        yield _clearances(part, machine)
+    yield from _stability(part, machine)
+
+
+def _bearings(part: SceneAnalysis, machine: Machine) -> Iterator[Part]:
+    """Loads, films and coefficients."""
+    weight = float(Gravity().acceleration)
+    loads = zip(part.bearings.tolist(), journal_loads(part.scene, part.bearings), strict=True)
+    rows = [(f"{at:.4g}", f"{mass:.4g}", f"{weight * mass:.4g}") for at, mass in loads]
+    heads = ("bearing at [m]", "mass [kg]", "load [N]")
+    yield Table("Static loads of the bearings, by weight", heads, rows, (0, 1, 2))
+    if part.statics is not None:
+        yield _films(part.statics)
+    if part.reduced:
+        yield Sentence(
+            "Coefficients of bearings over the frequency of whirl are reduced to those of synchronous "
+            "whirl here and in all of the analysis, Level I included. The largest growth rate alone is "
+            "that of whirls with the coefficients at their own frequencies."
+        )
+    names = ("kxx", "kxy", "kyx", "kyy", "cxx", "cxy", "cyx", "cyy")
+    rows = [
+        (f"{row['at']:.4g}", f"{RPM * row['speed']:.0f}", *(f"{1e-6 * row[k]:.4g}" for k in names))
+        for row in part.coefficients(machine)
+    ]
+    heads = ("at [m]", "speed [rpm]", *names)
+    yield Table(
+        "Coefficients of the bearings, k [MN/m] and c [MN s/m]", heads, rows, range(len(heads))
+    )
+
+
+def _films(statics: StaticPositions) -> Table:
+    numbers = zip(
+        np.asarray(statics.speeds),
+        np.abs(statics.load),
+        np.asarray(statics.eccentricity),
+        np.degrees(statics.attitude),
+        strict=True,
+    )
+    rows = [
+        (film, f"{RPM * abs(speed):.0f}", f"{load:.4g}", f"{ratio:.3f}", f"{angle:.1f}")
+        for speed, *columns in numbers
+        for film, load, ratio, angle in zip(statics.films, *columns, strict=True)
+    ]
+    heads = ("film", "speed [rpm]", "load [N]", "eccentricity / clearance", "attitude angle [deg]")
+    return Table("Static positions in the films", heads, rows, (1, 2, 3, 4))
+
+
+def _modes(part: SceneAnalysis, operating: tuple[float, float]) -> Iterator[Part]:
+    """Critical speed map, Campbell diagram, undamped and damped shapes."""
+    drawn = partial(critical_map, part.map, operating=operating)
+    yield Picture(
+        "undamped critical speed map, with the stiffness of the bearings", drawn, height=95
+    )
+    rigid = [f"{RPM * one:.0f}" for one in part.map.rigid if np.isfinite(one)]
+    if rigid:
+        yield Sentence(f"On rigid bearings the critical speeds are {', '.join(rigid)} rpm.")
+    shapes = "mode shapes of the undamped rotor at its critical speeds, which place the unbalance"
+    yield Picture(shapes, partial(mode_shapes, part.undamped), height=75)
+    diagram = partial(
+        campbell,
+        part.campbell,
+        critical=part.critical,
+        operating=operating,
+        highest=1.1 * part.speeds[1],
+    )
+    yield Picture("Campbell diagram with the running range", diagram, height=120, rows=2)
+    if part.modes.values.size:
+        yield Picture(
+            "damped mode shapes at the maximum continuous speed, of frequencies up to 1.25 times that or "
+            "to the trip speed; the dotted parts are 90 degrees ahead",
+            partial(mode_shapes, part.modes),
+            height=90,
+        )
+
+
+def _peaks(margins: list[dict[str, Any]]) -> Table:
     rows = [
         (
             row["case"],
@@ -153,14 +227,24 @@ def _scene(name: str, part: SceneAnalysis, result: LateralAnalysis) -> Iterator[
             f"{100 * row['required']:.3g}",
             verdict(row["kept"]),
         )
-        for row in result.margins(name)
+        for row in margins
     ]
-    heads = ("case", "probe", "peak [rpm]", "p-p [um]", "AF", "margin [%]", "required [%]", "")
-    yield Table(
+    heads = (
+        "case",
+        "probe",
+        "peak [rpm]",
+        "p-p [um]",
+        "AF",
+        "margin [%]",
+        "required [%]",
+        "verdict",
+    )
+    return Table(
         "Peaks: amplification and separation margins (SP6.8.2.10)", heads, rows, range(2, 7)
     )
-    if machine.clearances:
-        yield _clearances(part, machine)
+
+
+def _stability(part: SceneAnalysis, machine: Machine) -> Iterator[Part]:
     own = part.stability
     if machine.stages and not (own.above_rigid or part.fixed_pads):
         yield Sentence(
@@ -178,10 +262,16 @@ def _scene(name: str, part: SceneAnalysis, result: LateralAnalysis) -> Iterator[
         if np.isfinite(own.threshold)
         else "No Q0 was found"
     )
+    own_coefficients = (
+        "synchronously reduced coefficients"
+        if part.reduced
+        else "coefficients that do not depend on the frequency of whirl"
+    )
     yield Sentence(
         f"{reached}, Q0 / QA {own.ratio:.3g}, the logarithmic decrement at QA {own.decrement:.3g}, its "
         f"whirl frequency {RPM * own.frequency:.0f} cycles a minute, the critical speed ratio "
-        f"{own.critical_ratio:.3g}."
+        f"{own.critical_ratio:.3g}. QA is that of the rated speed, {RPM * machine.rated_speed:.5g} rpm. "
+        f"The bearings have {own_coefficients}."
     )
 
 
@@ -203,27 +293,33 @@ def _cases(part: SceneAnalysis, machine: Machine) -> Table:
 def _responses(
     case: CaseResponse, machine: Machine, operating: tuple[float, float]
 ) -> Iterator[Part]:
+    name = case.case.name
     for number, (probe, peaks) in enumerate(zip(machine.probes, case.peaks, strict=True)):
-        marks = {"station": number, "peaks": peaks, "operating": operating}
-        where = f"response at {probe.label} to the unbalance case {case.case.name}"
-        caption = f"{where}, half axes, not peak to peak"
-        yield Picture(caption, partial(response, case.response, **marks), height=95, rows=2)
+        marks = {"station": number, "peaks": peaks, "operating": operating, "limit": case.limit}
+        where = f"response at {probe.label} to the unbalance case {name}"
+        caption = f"{where}; the limit A_vl is {_UM * case.limit:.3g} um"
+        yield Picture(caption, partial(response, case.response, **marks), height=80, rows=2)
+    caption = (
+        f"deflected rotor of the unbalance case {name}, scaled by {case.scale:.3g} as for the close "
+        "clearances; dashed beyond the trip speed"
+    )
+    drawn = partial(deflected_shapes, case, clearances=machine.clearances)
+    yield Picture(caption, drawn, height=65)
 
 
 def _clearances(part: SceneAnalysis, machine: Machine) -> Table:
     rows = [
         (
-            case.case.name,
-            clearance.label,
-            f"{case.scale:.3g}",
-            f"{_UM * used:.4g}",
-            f"{_UM * SHARE * float(clearance.diametral):.4g}",
-            verdict(bool(used < SHARE * clearance.diametral)),
+            row["case"],
+            row["clearance"],
+            f"{row['scale']:.3g}",
+            f"{_UM * row['scaled']:.4g}",
+            f"{_UM * row['limit']:.4g}",
+            verdict(row["kept"]),
         )
-        for case in part.cases
-        for clearance, used in zip(machine.clearances, case.scaled.tolist(), strict=True)
+        for row in part.clearances(machine)
     ]
-    heads = ("case", "clearance", "scale", "scaled p-p [um]", "75 % of it [um]", "")
+    heads = ("case", "clearance", "scale", "scaled p-p [um]", "75 % of it [um]", "verdict")
     return Table(
         "Close clearances up to trip speed (SP6.8.2.12, SP6.8.2.13)", heads, rows, (2, 3, 4)
     )

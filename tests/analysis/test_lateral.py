@@ -2,10 +2,13 @@
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 import jaxrotor as jr
+from jaxrotor.analysis.lateral import Criterion
 from jaxrotor.analysis.lateral.critical_map import bearings_of
 from jaxrotor.analysis.lateral.level_one import ratio_limit
+from jaxrotor.analysis.lateral.scene_analysis import _statics
 from jaxrotor.analysis.lateral.unbalance_cases import (
     journal_loads,
     overhung_masses,
@@ -312,7 +315,108 @@ def test_criteria_name_what_fails(found):
         "-",
     }  # it has no rigid bearing speed
     assert found.passed == all(one.passed for one in found.criteria)
-    assert found.data()["scenes"]["as given"]["level_one"]["critical_ratio"] is None
+    kept = found.data()["scenes"]["as given"]
+    assert kept["level_one"]["critical_ratio"] is None
+    assert kept["coefficients"][0]["kxx"] == SPRING
+    assert len(kept["cases"][0]["shapes"]["major"]) == len(kept["cases"][0]["shapes"]["speeds"])
+
+
+def test_a_summary_has_what_fails_and_the_least_room(found):
+    """Rooms by hand, (25.4 - 5) / 25.4 and (1.5 - 1.26) / 1.26, below zero where a demand is not met."""
+    room = lambda value, limit, met: Criterion("SP1", "a", "", value, limit, "1", met).room
+    assert room(5.0, 25.4, True) == pytest.approx(0.80315, rel=1e-4)
+    assert room(1.5, 1.26, True) == pytest.approx(0.190476, rel=1e-5)
+    assert room(8.0, 24.0, False) == pytest.approx(-2 / 3)
+    assert (room(-3.0, 0.0, True), room(np.nan, 2.5, False)) == (np.inf, -np.inf)
+    failed = [one for one in found.criteria if not one.passed]
+    assert {one.paragraph for one in failed} == {"SP6.8.2.11"}
+    shown = found.summary
+    assert shown[: len(failed)] == sorted(failed, key=lambda one: one.value, reverse=True)
+    (clearance,) = [one for one in shown if one.paragraph == "SP6.8.2.13"]
+    assert clearance.value == max(
+        one.value for one in found.criteria if one.paragraph == "SP6.8.2.13"
+    )
+    assert len(shown) < len(found.criteria)
+
+
+def test_the_deflected_shape_at_the_peak_is_its_closed_form(found):
+    """The rigid rotor moves by the largest `U w^2 / |2 k - m w^2 + 2 i c w|`, all of it alike."""
+    (case,) = [one for one in found.scenes["as given"].cases if one.case.name == "mid-span"]
+    radius = lambda w: (
+        2 * 6.35e-3 * MASS / 12_000 * w**2 / abs(2 * SPRING - MASS * w**2 + 2j * DAMPER * w)
+    )
+    speeds = np.linspace(100.0, 1900.0, 3_600_001)
+    expected = [radius(speeds).max(), radius(12_000 * RPM)]
+    shapes = np.asarray(case.shapes.major)
+    np.testing.assert_allclose(shapes, np.array(expected)[:, None] + 0 * shapes, rtol=1e-8)
+
+
+def test_modes_of_the_rigid_rotor_are_its_closed_forms(found):
+    """Bounce at the critical speed without damping, with it `m l^2 + 2 c l + 2 k = 0`."""
+    part = found.scenes["as given"]
+    assert min(np.asarray(part.undamped.values).imag) == pytest.approx(FIRST, rel=1e-9)
+    bounce = np.roots([MASS, 2 * DAMPER, 2 * SPRING])
+    tilt = lambda sense: np.roots(
+        [DIAMETRAL, DAMPER / 2 - 1j * sense * POLAR * 12_000 * RPM, SPRING / 2]
+    )
+    roots = np.concatenate([bounce, tilt(1)])
+    shown = roots[(abs(roots.imag) < 1.25 * 12_000 * RPM) & (-roots.real < abs(roots) / np.sqrt(2))]
+    own = np.asarray(part.modes.values)
+    np.testing.assert_allclose(np.sort_complex(own), np.sort_complex(shown), rtol=1e-8)
+
+
+def over_whirl(speed):
+    """Bearings whose stiffness and damping change with the frequency of whirl, with a node at a speed."""
+    nodes = np.array([0.0, 300.0, 600.0, 900.0, speed, 2.0 * speed])
+    stiffness, damping = 5e6 + 4e3 * nodes, 9e3 - 3.0 * nodes
+    bearings = [
+        jr.Support(at, kxx=stiffness, cxx=damping, frequencies=nodes, interpolation="linear")
+        for at in (0.0, SPAN)
+    ]
+    disc = jr.Disc(SPAN / 2, MASS, DIAMETRAL, POLAR)
+    return jr.Scene(jr.RigidShaft(SPAN), disc, bearings, spin=jr.ConstantSpeed(1000.0))
+
+
+def test_level_one_has_synchronously_reduced_coefficients():
+    """`Q0 = 2 c sqrt(2 k / m)` with k and c at the speed."""
+    speed = 12_000 * RPM
+    own = jr.level_one(over_whirl(speed), MACHINE)
+    spring, damper = 5e6 + 4e3 * speed, 9e3 - 3.0 * speed
+    assert own.threshold == pytest.approx(2 * damper * np.sqrt(2 * spring / MASS), rel=1e-8)
+
+
+@pytest.mark.slow  # the whole analysis of another rotor
+def test_tables_over_whirl_are_reduced_in_the_whole_analysis():
+    """Bearings have those at the speed; growth is `-c / m`, with c at the bounce's own frequency."""
+    speed = 12_000 * RPM
+    part = jr.lateral_analysis(over_whirl(speed), MACHINE).scenes["as given"]
+    assert part.reduced
+    rows = [row for row in part.coefficients(MACHINE) if row["speed"] == pytest.approx(speed)]
+    assert [row["at"] for row in rows] == [0.0, SPAN]
+    np.testing.assert_allclose([rows[0]["kxx"], rows[0]["kyy"]], 5e6 + 4e3 * speed, rtol=1e-12)
+    np.testing.assert_allclose([rows[0]["cxx"], rows[0]["cyy"]], 9e3 - 3 * speed, rtol=1e-12)
+    # Its frequency solves `m w^2 = 2 k(w) - c(w)^2 / m`.
+    balance = lambda w: 2 * (5e6 + 4e3 * w) - (9e3 - 3 * w) ** 2 / MASS - MASS * w**2
+    own = brentq(balance, 100.0, 1000.0)
+    assert part.growth == pytest.approx(-(9e3 - 3 * own) / MASS, rel=1e-6)
+
+
+def test_films_rest_where_the_short_bearing_has_them():
+    """`e^8 - 4 e^6 + (6 - S^2 (16 - pi^2)) e^4 - (4 + pi^2 S^2) e^2 + 1 = 0`, Friswell et al. (2010)."""
+    gap, radius, length, viscosity = 8e-5, 0.05, 0.05, 0.02
+    films = [jr.JournalBearing(at, viscosity, radius, length, gap) for at in (0.0, SPAN)]
+    disc = jr.Disc(SPAN / 2, MASS, DIAMETRAL, POLAR)
+    scene = jr.Scene(jr.RigidShaft(SPAN), disc, films, jr.Gravity(), spin=jr.ConstantSpeed(300.0))
+    statics = _statics(scene, jr.Machine(200.0, 300.0, probes=[jr.Probe(0.0)]))
+    load = MASS * 9.80665 / 2
+    for k, speed in enumerate((200.0, 300.0)):
+        s = 2 * radius * speed * viscosity * length**3 / (8 * load * gap**2)
+        squares = np.roots([1, -4, 6 - s**2 * (16 - np.pi**2), -(4 + np.pi**2 * s**2), 1])
+        (square,) = [x.real for x in squares if abs(x.imag) < 1e-12 and 0 < x.real < 1]
+        np.testing.assert_allclose(statics.eccentricity[k], np.sqrt(square), rtol=1e-6)
+        attitude = np.arctan(np.pi / 4 * np.sqrt((1 - square) / square))
+        np.testing.assert_allclose(statics.attitude[k], attitude, rtol=1e-6)
+        np.testing.assert_allclose(abs(statics.load[k]), load, rtol=1e-9)
 
 
 def test_words_for_what_cannot_be_analysed():

@@ -29,6 +29,7 @@ damping = DAMPING
 [spin]
 speed = "10000 rpm"
 [machine]
+name = "stiff rotor"
 slowest = "9000 rpm"
 fastest = "12000 rpm"
 probes = [{at = 0}]
@@ -62,7 +63,7 @@ def test_a_report_is_written_of_both_clearances(folder):
     assert kept["criteria"] == found["criteria"]
     page = (folder / "run" / "lateral.html").read_text("utf-8")
     assert page.count("<figure>") == page.count("Figure ") // 2 > 10  # in captions and in `alt`
-    for part in ("Table 1: ", "A disc on a stiff shaft", "SP6.8.2.10", "smallest clearance"):
+    for part in ("Table 1: ", "Lateral analysis: stiff rotor", "SP6.8.2.10", "smallest clearance"):
         assert part in page
     assert (folder / "run" / "lateral.pdf").read_bytes().startswith(b"%PDF-")
 

@@ -35,6 +35,16 @@ def test_a_machine_is_read_with_its_units(tmp_path):
     assert (stage.kind, float(stage.power), float(stage.width)) == ("centrifugal", 1e5, 0.02)
 
 
+def test_stages_have_their_power_at_the_rated_speed():
+    """1 MW at 400 rad/s are 2500 N m; times 1.5 / (0.5 m 0.1 m)."""
+    stage = jr.Stage(1e6, 0.5, 0.1, kind="axial")
+    rated = jr.Machine(300.0, 500.0, rated=400.0, stages=[stage])
+    assert rated.anticipated == pytest.approx(75_000.0)
+    fastest = jr.Machine(300.0, 500.0, stages=[stage])
+    assert fastest.rated_speed == 500.0
+    assert fastest.anticipated == pytest.approx(60_000.0)
+
+
 def test_a_scene_beside_a_machine_is_what_it_is_without(tmp_path):
     with_machine = jr.load(written(tmp_path, HEAD + MACHINE))
     assert repr(with_machine) == repr(jr.load(written(tmp_path, HEAD)))
@@ -48,6 +58,7 @@ def test_a_scene_beside_a_machine_is_what_it_is_without(tmp_path):
         ('"3000 rpm"', '"3000 mm"', r"machine.slowest.*must be in rad/s"),
         ("fastest = 400", "", r"machine.*fastest"),
         ("fastest = 400", "fastest = 200", r"must be in this order"),
+        ("fastest = 400", "fastest = 400\nrated = 410", r"`rated .* but is 3915.2 rpm"),
         ("probes = [", "probes = [3, ", r"machine.probes.0"),
         ("density_ratio = 1.2", "kind = 'screw'", r"machine.stages.0.kind"),
         ("density_ratio = 1.2, ", "", r"needs `density_ratio"),

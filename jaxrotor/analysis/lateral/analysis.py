@@ -7,6 +7,7 @@ from typing import Any
 import equinox as eqx
 import numpy as np
 
+from ...core.plain import plain
 from ...core.progress import waiting
 from ...core.tables import notebook_table
 from ...effects import Disc
@@ -20,6 +21,9 @@ ONLY = "as given"  # name of the scene where there is one
 _MAP = ("stiffnesses", "speeds", "rigid", "own_speeds", "own")
 _CAMPBELL = ("speeds", "frequencies", "growth")
 _CASE = ("largest", "scale", "scaled")
+_RESPONSE = ("speeds", "stations", "major")
+_MODES = ("values", "stations", "shapes", "counter")
+_STATICS = ("films", "speeds", "load", "eccentricity", "attitude")
 
 
 class LateralAnalysis(eqx.Module):
@@ -33,6 +37,15 @@ class LateralAnalysis(eqx.Module):
         """Every demand, scene by scene."""
         parts = self.scenes.items()
         return [one for name, part in parts for one in criteria(name, part, self.machine)]
+
+    @property
+    def summary(self) -> list[Criterion]:
+        """Demands that are not met, and of each paragraph that is met the one with the least room."""
+        ordered = sorted(self.criteria, key=lambda one: one.room)
+        least: dict[tuple[str, str], Criterion] = {}
+        for one in ordered:
+            least.setdefault((one.paragraph, one.unit), one)
+        return [one for one in ordered if not one.passed or one in least.values()]
 
     @property
     def passed(self) -> bool:
@@ -49,14 +62,15 @@ class LateralAnalysis(eqx.Module):
 
     def data(self) -> dict[str, Any]:
         """All numbers in plain lists and dictionaries, SI, as for JSON; infinite ones are None."""
-        return {
+        found = {
             "passed": self.passed,
-            "criteria": [_plain(one._asdict()) for one in self.criteria],
-            "scenes": {name: _data(part, self.margins(name)) for name, part in self.scenes.items()},
+            "criteria": [one._asdict() for one in self.criteria],
+            "scenes": {name: _data(part, self.machine) for name, part in self.scenes.items()},
         }
+        return plain(found)
 
     def _repr_html_(self) -> str:
-        rows = [one.texts for one in self.criteria]
+        rows = [one.texts for one in self.summary]
         return notebook_table(f"Lateral analysis: {verdict(self.passed)}", HEADS, rows)
 
 
@@ -68,7 +82,8 @@ def lateral_analysis(
     Undamped critical speed map, Campbell diagram, damped response to the unbalance cases that the
     standard places by mode shape, amplification factors with separation margins, close clearances, and
     Level I stability. Contacts such as limiters are left out; films and rolling bearings are linear about
-    their static position.
+    their static position. Coefficients over the frequency of whirl are reduced to those of synchronous
+    whirl; the largest growth rate alone is that of whirls with the coefficients at their own frequencies.
 
     Args:
         scene: the rotor, or several by name, as with the smallest and the largest clearance of the
@@ -113,32 +128,28 @@ def _check_same(scenes: Mapping[str, Scene]) -> None:
             )
 
 
-def _data(part: SceneAnalysis, margins: list[dict[str, Any]]) -> dict[str, Any]:
+def _data(part: SceneAnalysis, machine: Machine) -> dict[str, Any]:
     """Numbers of a scene."""
     read = lambda source, names: {name: getattr(source, name) for name in names}
     own = part.stability
     return {
-        "bearings": part.bearings.tolist(),
-        "critical_map": _plain(read(part.map, _MAP)),
-        "campbell": _plain(read(part.campbell, _CAMPBELL) | {"critical": part.critical.speeds}),
-        "margins": [_plain(row) for row in margins],
+        "bearings": part.bearings,
+        "coefficients": list(part.coefficients(machine)),
+        "reduced": part.reduced,
+        "statics": None if part.statics is None else read(part.statics, _STATICS),
+        "critical_map": read(part.map, _MAP),
+        "undamped": read(part.undamped, _MODES),
+        "campbell": read(part.campbell, _CAMPBELL) | {"critical": part.critical.speeds},
+        "growth": part.growth,
+        "modes": read(part.modes, _MODES),
+        "margins": list(part.margins(machine)),
+        "clearances": list(part.clearances(machine)),
         "cases": [
-            _plain(one.case._asdict() | read(one, _CASE))
-            | _plain(read(one.response, ("speeds", "stations", "major")))
+            one.case._asdict()
+            | read(one, _CASE)
+            | read(one.response, _RESPONSE)
+            | {"shapes": read(one.shapes, _RESPONSE)}
             for one in part.cases
         ],
-        "level_one": _plain(read(own, [f.name for f in dataclasses.fields(own)] + ["ratio"])),
+        "level_one": read(own, [f.name for f in dataclasses.fields(own)] + ["ratio"]),
     }
-
-
-def _plain(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Numbers and arrays as JSON has them."""
-
-    def plain(value: Any) -> Any:
-        if isinstance(value, list | tuple):
-            return [plain(one) for one in value]
-        if isinstance(value, float):
-            return value if np.isfinite(value) else None
-        return value if isinstance(value, str | bool | int) else plain(np.asarray(value).tolist())
-
-    return {name: plain(value) for name, value in values.items()}

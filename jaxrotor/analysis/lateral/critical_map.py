@@ -153,7 +153,7 @@ def rigid_speeds(scene: Scene, stations: Float[np.ndarray, "2"], count: int) -> 
 
 def _own(scene: Scene, stations: np.ndarray, highest: float | int | None) -> tuple[Any, Any]:
     """Speeds [rad/s] and direct stiffnesses of the bearings there (w, b, 2) [N/m]."""
-    span = speed_range(scene)
+    span = speed_range(synchronous(scene))
     top = 2.5 * abs(float(scene.spin.speed)) if highest is None else float(highest)
     low, high = (0.05 * top, top) if span is None else map(float, span)
     speeds = np.linspace(low, high if highest is None else min(high, top), OWN)

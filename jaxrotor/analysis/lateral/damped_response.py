@@ -17,6 +17,8 @@ LARGEST = 25.4e-6  # m peak to peak
 AT = 12_000.0  # rpm up to which it is the limit
 LARGEST_SCALE = 6.0
 SHARE = 0.75  # of a clearance that may be used
+_POINTS = 61  # stations of a deflected shape
+_CLOSE = 0.05  # relative distance of peaks below which they have one shape
 
 
 class CaseResponse(eqx.Module):
@@ -25,6 +27,7 @@ class CaseResponse(eqx.Module):
     case: UnbalanceCase
     peaks: tuple[ResponsePeaks, ...]  # at every probe
     response: HarmonicResponse  # at the probes, then at the close clearances
+    shapes: HarmonicResponse  # of the whole shaft, at its peaks and at the rated speed
     limit: float | int  # A_vl, peak to peak [m]
     slowest: float | int  # minimum operating speed [rad/s]
     fastest: float | int  # maximum continuous speed [rad/s]
@@ -75,7 +78,7 @@ def damped_response(
     """Response to an unbalance case at probes and close clearances, see `unbalance_response`.
 
     Peaks at the probes are those of `response_peaks`; their speeds are among those at which amplitudes
-    are read.
+    are read. Of peaks at several probes within 5 % the first one has a shape.
 
     Args:
         scene: the rotor, linear; its own unbalance is left out.
@@ -93,10 +96,31 @@ def damped_response(
     read = lambda probe: response_peaks(rotor, speeds, float(probe.at), critical=critical)
     peaks = tuple(map(read, machine.probes))
     sharp = [one.speeds[np.isfinite(one.amplitudes)] for one in peaks]
-    sense = float(scene.spin.sense)
-    ends = sense * np.array([float(machine.slowest), float(machine.fastest), machine.highest])
+    named = float(machine.slowest), machine.rated_speed, float(machine.fastest), machine.highest
+    ends = float(scene.spin.sense) * np.array(named)
     every = np.unique(np.concatenate([speeds, *sharp, ends]))
     stations = [float(one.at) for one in (*machine.probes, *machine.clearances)]
-    found = unbalance_response(rotor, every, stations)
+    along = np.linspace(0.0, float(scene.shaft.length), _POINTS)
+    found = unbalance_response(rotor, every, [*stations, *along.tolist()])
+    shown = np.searchsorted(every, [*_apart(np.concatenate(sharp)), ends[1]])
+    part = lambda rows, columns: HarmonicResponse(
+        found.speeds[rows],
+        found.frequencies[rows],
+        found.stations[columns],
+        found.forward[rows][:, columns],
+        found.backward[rows][:, columns],
+        None,
+    )
+    whole = slice(None)
+    responses = part(whole, slice(len(stations))), part(shown, slice(len(stations), None))
     limits = vibration_limit(float(machine.fastest)), float(machine.slowest), float(machine.fastest)
-    return CaseResponse(case, peaks, found, *limits, machine.highest)
+    return CaseResponse(case, peaks, *responses, *limits, machine.highest)
+
+
+def _apart(speeds: np.ndarray) -> list[float]:
+    """Speeds by rising magnitude, of several close to each other the first one."""
+    found: list[float] = []
+    for speed in sorted(speeds.tolist(), key=abs):
+        if not found or abs(speed) > (1 + _CLOSE) * abs(found[-1]):
+            found.append(speed)
+    return found

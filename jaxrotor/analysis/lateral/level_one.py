@@ -12,6 +12,7 @@ from ...effects import Support
 from ...files.machine import Machine
 from ...scene import Scene
 from ..modal import modes
+from ..whirl_tables import synchronous
 from .critical_map import bearings_of, rigid_speeds
 from .unbalance_cases import is_overhung, overhung_masses
 
@@ -112,7 +113,8 @@ def level_one(scene: Scene, machine: Machine, rigid: float | int | None = None) 
 
     Q acts at the middle of the bearing span or, where a stage is outside of it, at every stage by its
     share of Q_A. `delta` is the logarithmic decrement of the mode that becomes unstable at Q_0, followed
-    from there back to Q = 0; of a rotor that stays stable, of the least damped one.
+    from there back to Q = 0; of a rotor that stays stable, of the least damped one. Coefficients over the
+    frequency of whirl are reduced to those of synchronous whirl.
 
     Args:
         scene: the rotor, linear.
@@ -127,6 +129,7 @@ def level_one(scene: Scene, machine: Machine, rigid: float | int | None = None) 
 
     Source: API RP 684 (2005), SP6.8.5.
     """
+    scene = synchronous(scene)
     bearings = bearings_of(scene, machine.bearings)
     rigid = float(rigid_speeds(scene, bearings, 1)[0]) if rigid is None else float(rigid)
     stations, shares = _places(scene, machine, bearings)
@@ -179,7 +182,7 @@ def _places(
         )
     if not outside:
         return [(low + high) / 2], [1.0]
-    each = np.array([one.cross_coupling(float(machine.fastest)) for one in machine.stages])
+    each = np.array(machine.cross_couplings)
     return [float(at) for at in given if at is not None], (each / each.sum()).tolist()
 
 

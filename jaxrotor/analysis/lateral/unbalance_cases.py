@@ -1,8 +1,9 @@
 """Unbalance cases: where a standard puts an unbalance to excite a mode, and how much."""
 
 from collections.abc import Iterator
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
+import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
@@ -16,7 +17,7 @@ from ...scene import Scene
 from ...shafts.virtual import VirtualLine
 from ..balancing import centre_of_mass, total_mass
 from ..critical import critical_speeds
-from ..modal import modes
+from ..modal import Modes, modes
 from .critical_map import own_stiffness, sprung
 
 
@@ -100,27 +101,21 @@ def overhung_masses(scene: Scene, bearings: Float[np.ndarray, "2"]) -> tuple[flo
 
 
 def unbalance_cases(
-    scene: Scene, machine: Machine, bearings: Float[np.ndarray, "2"]
+    scene: Scene, machine: Machine, bearings: Float[np.ndarray, "2"], shapes: Modes | None = None
 ) -> list[UnbalanceCase]:
-    """Cases by the shapes of the undamped rotor, and one for each coupling.
+    """Cases by the shapes of the undamped rotor, `critical_modes`, and one for each coupling.
 
-    The shapes are those at the critical speeds up to 1.5 times the maximum continuous one, of springs as
-    stiff as the bearings are at that. Where a shape has one sign between the bearings, the unbalance is
-    at its largest deflection there, of `W_1 + W_2`. Where it has several, two opposite ones are at the
-    largest deflections of either sign there, of `W_1` and `W_2`. Where a shape is larger outside of the
-    bearings than between, there is one outside, too, of the overhung mass, at the heaviest disc there or
-    else at the largest deflection; a case between them by a shape of one sign that is less than half as
-    large there is left out. So is an overhung one where a coupling has it. A quarter of the mass outside
-    of one bearing has an unbalance at its heaviest disc in any case.
+    Where a shape has one sign between the bearings, the unbalance is at its largest deflection there,
+    of `W_1 + W_2`. Where it has several, two opposite ones are at the largest deflections of either
+    sign there, of `W_1` and `W_2`. Where a shape is larger outside of the bearings than between, there
+    is one outside, too, of the overhung mass, at the heaviest disc there or else at the largest
+    deflection; a case between them by a shape of one sign that is less than half as large there is
+    left out. So is an overhung one where a coupling has it. A quarter of the mass outside of one
+    bearing has an unbalance at its heaviest disc in any case.
     Source: API RP 684 (2005), SP6.8.2.7 and its figure of typical shapes.
     """
     fastest = float(machine.fastest)
-    rotor = sprung(scene, bearings, own_stiffness(scene, bearings, fastest))
-    found = critical_speeds(rotor, MODES)
-    speeds = [
-        s for s, kind in zip(found.speeds.tolist(), found.kinds, strict=True) if kind != "backward"
-    ]
-    within = [speed for speed in speeds if abs(speed) <= HIGHEST * fastest] or speeds[:1]
+    shapes = critical_modes(scene, machine, bearings) if shapes is None else shapes
     loads = journal_loads(scene, bearings)
     overhung = overhung_masses(scene, bearings)
     ends = [] if machine.couplings is None else np.asarray(machine.couplings).tolist()
@@ -128,7 +123,7 @@ def unbalance_cases(
     couplings = [_case(name, np.nan, [at], [mass], fastest) for name, at, mass in coupled]
     cases: list[UnbalanceCase] = []
     apart = _SAME * float(scene.shaft.length)
-    for case in _by_shapes(rotor, within, bearings, fastest, loads, overhung):
+    for case in _by_shapes(scene, shapes, bearings, fastest, loads, overhung):
         alike = [one for one in cases if one.name.partition(" ")[0] == case.name]
         same = alike + (couplings if case.name == "overhung" else [])
         if not any(np.allclose(case.stations, one.stations, rtol=0, atol=apart) for one in same):
@@ -162,16 +157,17 @@ def _heaviest(scene: Scene, end: float, bearings: np.ndarray) -> float | None:
 
 
 def _by_shapes(
-    rotor: Scene,
-    speeds: list[float],
+    scene: Scene,
+    shapes: Modes,
     bearings: np.ndarray,
     fastest: float,
     loads: tuple[float, float],
     overhung: tuple[float, float],
 ) -> Iterator[UnbalanceCase]:
     """Cases of the shape at each critical speed."""
-    for speed in speeds:
-        stations, deflection = _shape(rotor, speed)
+    stations = np.asarray(shapes.stations)
+    for k, speed in enumerate(np.imag(shapes.values).tolist()):
+        deflection = _deflection(shapes, k)
         inside = (stations >= bearings[0]) & (stations <= bearings[1])
         sizes = np.abs(deflection)
         most, beyond = sizes[inside].max(), sizes[~inside].max(initial=0.0)
@@ -185,7 +181,7 @@ def _by_shapes(
             yield _case("mid-span", speed, [top], [sum(loads)], fastest)
         if beyond > most:
             top = float(stations[sizes.argmax()])
-            disc, mass = _heaviest(rotor, top, bearings), _outside(top, bearings, overhung)
+            disc, mass = _heaviest(scene, top, bearings), _outside(top, bearings, overhung)
             yield _case("overhung", speed, [top if disc is None else disc], [mass], fastest)
 
 
@@ -217,13 +213,51 @@ def _case(
     return UnbalanceCase(name, critical, tuple(stations), tuple(masses), moments)
 
 
-def _shape(rotor: Scene, speed: float) -> tuple[np.ndarray, np.ndarray]:
-    """Stations [m], and deflections along the direction of the largest one, of the whirl at a speed."""
+def critical_modes(scene: Scene, machine: Machine, bearings: Float[np.ndarray, "2"]) -> Modes:
+    """Shapes of the undamped rotor at its critical speeds, of springs as stiff as the bearings are.
+
+    They are those up to 1.5 times the maximum continuous speed, at which the springs are read, or else
+    the first one; three at most of each kind of whirl, without backward ones.
+    """
+    fastest = float(machine.fastest)
+    rotor = sprung(scene, bearings, own_stiffness(scene, bearings, fastest))
+    found = critical_speeds(rotor, MODES)
+    speeds = [
+        s for s, kind in zip(found.speeds.tolist(), found.kinds, strict=True) if kind != "backward"
+    ]
+    within = [speed for speed in speeds if abs(speed) <= HIGHEST * fastest] or speeds[:1]
+    return _stacked([_mode_at(rotor, speed) for speed in within])
+
+
+def _mode_at(rotor: Scene, speed: float) -> Modes:
+    """The mode that whirls at a critical speed."""
     found = modes(rotor.at_speed(speed), points=_POINTS)
-    k = int(np.abs(np.asarray(found.values) - 1j * speed).argmin())
-    ahead = np.asarray(found.shapes[k])
-    behind = 0 * ahead if found.counter is None else np.asarray(found.counter[k]).conj()
+    return of_modes(found, [int(np.abs(np.asarray(found.values) - 1j * speed).argmin())])
+
+
+def of_modes(found: Modes, chosen: Any) -> Modes:
+    """Those modes of several that are at some indices."""
+    own = [jnp.asarray(np.asarray(part)[chosen]) for part in _rows(found)]
+    return eqx.tree_at(_rows, found, own)
+
+
+def _stacked(each: list[Modes]) -> Modes:
+    """Modes of several speeds as those of one, which is the first."""
+    parts = [jnp.concatenate(rows) for rows in zip(*map(_rows, each), strict=True)]
+    return eqx.tree_at(_rows, each[0], parts)
+
+
+def _rows(found: Modes) -> list[Any]:
+    """Parts of `Modes` that have one row a mode."""
+    every = (found.values, found.shapes, found.counter, found.shares)
+    return [part for part in every if part is not None]
+
+
+def _deflection(shapes: Modes, k: int) -> np.ndarray:
+    """Deflections along the direction of the largest one."""
+    ahead = np.asarray(shapes.shapes[k])
+    behind = 0 * ahead if shapes.counter is None else np.asarray(shapes.counter[k]).conj()
     top = (np.abs(ahead) + np.abs(behind)).argmax()
     turn = np.exp(0.5j * (np.angle(behind[top]) - np.angle(ahead[top])))  # to the major axis there
     own = ahead * turn + behind / turn
-    return np.asarray(found.stations), (own * own[top].conj()).real / abs(own[top])
+    return (own * own[top].conj()).real / abs(own[top])
