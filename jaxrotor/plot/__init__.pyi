@@ -28,6 +28,7 @@ from .orbit import (
     orbit as orbit,
     orbits as orbits,
     periodic as periodic,
+    resilience as resilience,
     torus as torus,
 )
 from .page import write as write

@@ -148,6 +148,30 @@ def torus(result: Any, ax: Axes | None = None, *, station: int = 0) -> Axes:
     return page.finish(ax, columns=2, scene=result.scene)
 
 
+def resilience(result: Any, ax: Axes | None = None) -> Axes:
+    """Smallest impulses that change a motion, along every direction, and the smallest of all.
+
+    Args:
+        result: `jaxrotor.Resilience`.
+        ax: Axes to draw in; a new figure if None.
+
+    Returns:
+        The Axes, impulses along x and y.
+    """
+    ax = page.single(ax, 85, 85)
+    sizes = np.where(np.isfinite(result.sizes), result.sizes, np.nan)  # gaps where there is none
+    ends = sizes * np.exp(1j * result.angles)
+    smallest = complex(result.impulse)
+    circle = abs(smallest) * np.exp(1j * np.linspace(0.0, 2 * np.pi, 361))
+    page.path(ax, circle, colours.GREY, "no impulse changes the motion", linestyle="--")
+    every = np.append(ends, ends[0])
+    page.path(ax, every, colours.BLUE, "smallest along each direction", marker=".")
+    page.path(ax, np.array([0.0, smallest]), colours.RED, "smallest of all")
+    ax.plot(smallest.real, smallest.imag, "o", color=colours.RED, markersize=4)
+    ax.set(xlabel="impulse along $x$ [N s]", ylabel="impulse along $y$ [N s]", aspect="equal")
+    return page.finish(ax, columns=1, scene=result.orbit.scene)
+
+
 def animate(
     run: Any,
     path: str | os.PathLike[str],

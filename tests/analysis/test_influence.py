@@ -162,4 +162,4 @@ def test_text_has_every_coefficient():
     lines = str(jr.fitted_influence(masses, runs)).splitlines()
     assert lines[0].split() == ["reading", "plane", "1", "offset"]
     # variance 2 0.1^2 / (4 - 2) = 0.01, deviations 0.1 / sqrt(2) and 0.1 / sqrt(4)
-    assert lines[1].split() == "1 2 @ 90 +- 0.07 3 @ 0 +- 0.05".split()
+    assert lines[1].split() == ["1", "2", "@", "90", "+-", "0.07", "3", "@", "0", "+-", "0.05"]
