@@ -188,6 +188,7 @@ from .orbits import (
     Edge as Edge,
     HarmonicOrbit as HarmonicOrbit,
     Lyapunov as Lyapunov,
+    NormalForm as NormalForm,
     OrbitError as OrbitError,
     PeriodicOrbit as PeriodicOrbit,
     Resilience as Resilience,
@@ -198,8 +199,10 @@ from .orbits import (
     edge as edge,
     harmonic_balance as harmonic_balance,
     lyapunov as lyapunov,
+    normal_form as normal_form,
     periodic as periodic,
     resilience as resilience,
+    switch as switch,
     torus as torus,
 )
 from .plot.lateral_report import lateral_report as lateral_report

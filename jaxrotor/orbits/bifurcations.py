@@ -24,9 +24,11 @@ from .problem import ContinuationProblem, Evaluation
 
 
 KINDS = ("fold", "flip", "neimark-sacker", "branching", "grazing")
+CROSSED = ("fold", "branching")  # what a branch may have where it meets another one
 # Of the range of the radius: accuracy to which an orbit is known where two of them meet
 SAME = 1e-2
 NEAR = 1e-5  # from the unit circle or from -1: a multiplier further away has jumped, not crossed
+SINGULAR = 1e-3  # smallest singular value of the Jacobian where branches cross, at most
 ALIKE = 1e-6  # of a clearance: contacts that are touched in the same way
 
 TestFunction = Callable[[Any], float]  # of a `Point`
@@ -71,7 +73,7 @@ def _stable(point: Point) -> bool:
 
 def _sign_changes(a: Point, b: Point) -> Iterator[tuple[str, int | None, TestFunction]]:
     """The test functions of different sign at two points, with their kinds and contacts."""
-    scale = np.linalg.slogdet(_bordered(a))[1]
+    scale = max(np.linalg.slogdet(_bordered(one))[1] for one in (a, b))
     tests: dict[str, TestFunction] = {
         "fold": lambda point: point.tangent[-1],
         "flip": lambda point: np.prod(1 + point.evaluation.multipliers).real,
@@ -157,7 +159,18 @@ def _determinant(matrix: np.ndarray, scale: float) -> float:
     return sign * np.exp(np.clip(size - scale, -600.0, 600.0))
 
 
-def is_doubled(problem: ContinuationProblem, point: Point) -> bool:
+def branch_met(problem: ContinuationProblem, found: Bifurcation) -> str | None:
+    """Kind of the bifurcation, of another branch, at which a branch that began there has come back."""
+    second = np.linalg.svd(jacobian_at_own_phase(found.point.evaluation))[1][-1]
+    if found.kind not in CROSSED or second > SINGULAR:
+        return None
+    if _is_doubled(problem, found.point):
+        return "flip"
+    # Where it meets orbits of more symmetry it folds and goes on with the mirror images of its orbits.
+    return "branching" if found.kind == "fold" else None
+
+
+def _is_doubled(problem: ContinuationProblem, point: Point) -> bool:
     """Whether an orbit is one of half the period, run through twice."""
     z = point.evaluation.samples.displacement[:, 0]
     half, odd = divmod(z.size - 1, 2)

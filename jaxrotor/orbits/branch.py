@@ -1,8 +1,8 @@
 """Branch: orbits along one parameter of a scene, with the bifurcations between them."""
 
-import dataclasses
 import math
 from collections.abc import Sequence
+from typing import Any
 
 import equinox as eqx
 import numpy as np
@@ -11,13 +11,9 @@ from jaxtyping import Bool, Complex, Float, Int
 from ..core.tables import notebook_table
 from ..scene import Scene
 from .bifurcations import KINDS, Bifurcation, least_clearance, of_kind
-from .corrector import Corrector, Point, StepError, Unknowns
+from .corrector import Corrector, Point, Unknowns
 from .orbit import PeriodicOrbit
-from .problem import ContinuationProblem, Evaluation, PhaseCondition
-
-
-# Of the state: distances from a flip to seek its branch at
-OFFSETS = (3e-3, 1e-3, 3e-4, 1e-4, 3e-5)
+from .problem import ContinuationProblem, Evaluation
 
 
 class BranchPoint(eqx.Module):
@@ -40,7 +36,37 @@ class BranchPoint(eqx.Module):
         return abs(float(np.angle(self.multipliers[nearest])))
 
 
-class Branch(eqx.Module):
+class AbstractBranch(eqx.Module):
+    """Motions along one parameter of a scene, with the bifurcations between them."""
+
+    values: eqx.AbstractVar[Float[np.ndarray, " N"]]  # of the parameter, SI
+    # Bifurcations that were detected but not located: after which point, of which kind.
+    unlocated: eqx.AbstractVar[tuple[tuple[int, str], ...]]
+    reasons: eqx.AbstractVar[tuple[str, str]]  # why it ends, at its first and last point
+    curve: eqx.AbstractVar[Any]
+
+    @property
+    def path(self) -> str:
+        """Path of the parameter."""
+        return self.curve.parameters[0].path
+
+    @property
+    def scene(self) -> Scene:
+        """The scene of the motion that the branch was begun with."""
+        return self.curve.scene
+
+    @property
+    def remarks(self) -> list[str]:
+        """Lines on what was not located, and on both ends."""
+        values = self.values
+        lines = [
+            f"  {kind} not located between {values[k]:.6g} and {values[k + 1]:.6g}"
+            for k, kind in self.unlocated
+        ]
+        return [*lines, f"  begins: {self.reasons[0]}", f"  ends: {self.reasons[1]}"]
+
+
+class Branch(AbstractBranch):
     """`N` orbits along a branch, at `s` stations, and the bifurcations between them."""
 
     values: Float[np.ndarray, " N"]  # of the parameter, SI
@@ -64,16 +90,6 @@ class Branch(eqx.Module):
     max_iterations: int = eqx.field(static=True)
 
     @property
-    def path(self) -> str:
-        """Path of the parameter."""
-        return self.curve.parameters[0].path
-
-    @property
-    def scene(self) -> Scene:
-        """The scene of the orbit that the branch was begun with."""
-        return self.curve.scene
-
-    @property
     def stable(self) -> Bool[np.ndarray, " N"]:
         """Whether every multiplier is inside the unit circle."""
         return np.all(np.abs(self.multipliers) < 1, axis=1)
@@ -89,54 +105,14 @@ class Branch(eqx.Module):
     def look(self, where: "int | BranchPoint") -> Evaluation:
         """The residual at a point or a bifurcation, with its Jacobian and samples of the motion."""
         u = self._at(where)
-        return self._corrector.evaluate(u, self.curve.any_phase(u))
-
-    def doubled(self, flip: BranchPoint) -> PeriodicOrbit:
-        """An orbit of twice the period on the branch that begins at a flip, near it.
-
-            x = x* + h v,   M v = -v
-
-        The derivative of that branch by the parameter is zero at the flip, so its first orbit is sought
-        at a distance. The orbit can be continued like any other.
-
-        Args:
-            flip: one of `Branch.of("flip")`.
-
-        Returns:
-            A `PeriodicOrbit` of twice the period.
-
-        Raises:
-            ValueError: if `flip` is not a point of the kind "flip".
-            RuntimeError: if no orbit of twice the period is found near it.
-        """
-        kind = flip.kind if isinstance(flip, BranchPoint) else type(flip).__name__
-        if kind != "flip":
-            raise ValueError(f"`flip` must be a point of the kind 'flip', but is a {kind}.")
-        u, evaluation = flip.unknowns, self.look(flip)
-        m = evaluation.direction.size
-        along = np.linalg.svd(evaluation.jacobian[:m, :m] + 2 * np.eye(m))[2][-1]
-        normal = np.append(along, np.zeros(u.size - m))
-        corrector = self._corrector._replace(problem=_with_twice_the_period(self.curve))
-        condition = PhaseCondition(u[:m], evaluation.direction)
-        for offset in OFFSETS:
-            distance = offset * float(np.linalg.norm(u[:m]))
-            guess = u + distance * normal
-            try:
-                point = corrector.point(guess, normal, condition, normal)
-            except StepError:
-                continue
-            if np.linalg.norm(point.u - guess) < 0.3 * distance:
-                return corrector.problem.orbit(point.u, point.evaluation, point.iterations)
-        raise RuntimeError(
-            f"No orbit of twice the period was found near the flip at {self.path} = {flip.value:.9g}; "
-            "continue with more steps, or a smaller `tolerance`."
-        )
+        return self.corrector.evaluate(u, self.curve.any_phase(u))
 
     def _at(self, where: "int | BranchPoint") -> Unknowns:
         return where.unknowns if isinstance(where, BranchPoint) else self.unknowns[where]
 
     @property
-    def _corrector(self) -> Corrector:
+    def corrector(self) -> Corrector:
+        """Newton's method for further orbits of the branch."""
         return Corrector(self.curve, self.tolerance, self.max_iterations)
 
     def _repr_html_(self) -> str:
@@ -154,12 +130,30 @@ class Branch(eqx.Module):
             f"{int(self.stable.sum())} stable"
         ]
         lines += [f"  {_described(point)}" for point in self.points]
-        lines += [
-            f"  {kind} not located between {self.values[k]:.6g} and {self.values[k + 1]:.6g}"
-            for k, kind in self.unlocated
-        ]
-        lines += [f"  begins: {self.reasons[0]}", f"  ends: {self.reasons[1]}"]
-        return "\n".join(lines)
+        return "\n".join([*lines, *self.remarks])
+
+
+def check_point(branch: Any, point: Any, kinds: Sequence[str], why: str) -> None:
+    """Raise unless a point is one of the bifurcations of a branch, of some kinds."""
+    if not isinstance(branch, Branch):
+        raise ValueError(
+            "`branch` must be a result of `jaxrotor.continue_` or `jaxrotor.switch`, but is a "
+            f"{type(branch).__name__}."
+        )
+    if isinstance(point, tuple) and point in branch.unlocated:
+        after, kind = point
+        low, high = branch.values[after : after + 2]
+        raise ValueError(
+            f"The {kind} between {branch.path} = {low:.6g} and {high:.6g} was detected but not located; "
+            "continue there with a smaller `max_step`, and give one of `branch.points`."
+        )
+    kind = point.kind if isinstance(point, BranchPoint) else type(point).__name__
+    if kind not in kinds:
+        raise ValueError(
+            f"`point` must be a {' or '.join(kinds)} of `branch.points`, {why}, but is a {kind}."
+        )
+    if not any(one is point for one in branch.points):
+        raise ValueError(f"`point` must be of this `branch`, but is the {kind} of another one.")
 
 
 def _described(point: BranchPoint) -> str:
@@ -225,14 +219,3 @@ def _branch_point(problem: ContinuationProblem, after: int, found: Bifurcation) 
 
 def _value(problem: ContinuationProblem, u: Unknowns) -> float:
     return float(problem.values(u)[0])
-
-
-def _with_twice_the_period(problem: ContinuationProblem) -> ContinuationProblem:
-    steps = 2 * problem.plan.steps
-    plan = dataclasses.replace(problem.plan, steps=steps, max_steps=steps)
-    if problem.revolutions is not None:
-        plan = plan if problem.beats else problem.plan  # which is of one revolution
-        return dataclasses.replace(problem, plan=plan, revolutions=2 * problem.revolutions)
-    images = 1 if problem.images == 1 else problem.images // math.gcd(problem.images, 2)
-    turn = 2 * problem.turn
-    return dataclasses.replace(problem, plan=plan, span=2 * problem.span, turn=turn, images=images)

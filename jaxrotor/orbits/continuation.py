@@ -5,14 +5,14 @@
 `t` is the tangent in the last point `u_k`, `s` the place of the parameter in its range.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
 from ..core.checks import check_counts
 from ..core.progress import progress as bar
 from ..solvers.exponential import Exponential
-from .bifurcations import bifurcations, is_doubled
+from .bifurcations import bifurcations, branch_met
 from .branch import Branch, branch_of
 from .corrector import Corrector, Point, StepError
 from .orbit import PeriodicOrbit
@@ -23,7 +23,10 @@ from .torus_branch import TorusBranch, branch_of_tori
 from .tracer import Found, Tracer, check_travel
 
 
-HALVED = "it meets the branch of orbits of half the period, at their flip at"
+MET = {  # why a branch ends at another one
+    "flip": "it meets the branch of orbits of half the period, at their flip at",
+    "branching": "it meets a branch of orbits of more symmetry, at their branching at",
+}
 
 
 def continue_(
@@ -47,7 +50,7 @@ def continue_(
 
     On the way folds, flips (period doublings), Neimark-Sacker points, crossings of branches and grazing
     of contacts are detected and located. Where contact begins a branch has a kink, which it passes in
-    small steps. See `Branch.doubled` for the branch that begins at a flip.
+    small steps. See `switch` for the branches that begin at flips and crossings.
 
     Args:
         orbit: result of `periodic`; its steps are kept, and its turn if the scene has no unbalance. Of a
@@ -92,16 +95,27 @@ def continue_(
     corrector = Corrector(problem, tolerance, max_iterations)
     start = _first_point(corrector, first, path)
 
-    def search(last: Point, point: Point) -> Found:
-        found, lost = bifurcations(corrector, last, point) if locate else ([], [])
-        for number, one in enumerate(found):
-            if one.kind in ("fold", "branching") and is_doubled(problem, one.point):
-                return Found(found[:number], lost, one.point, f"{HALVED} {problem.at(one.point.u)}")
-        return Found(found, lost)
-
+    search = search_along(corrector, locate)
     tracer = Tracer(problem, Predictor(corrector, max_step), step, max_points, search)
     with bar(progress, tracer.longest(direction), f"continuing in {path}", "points") as tick:
         return branch_of(corrector, *tracer.both(start, direction, tick))
+
+
+def search_along(corrector: Corrector, locate: bool) -> Callable[[Point, Point], Found]:
+    """Search for bifurcations between two points, if it is wanted, and for the end of a branch there."""
+    problem = corrector.problem
+
+    def search(last: Point, point: Point) -> Found:
+        found, lost = bifurcations(corrector, last, point) if locate else ([], [])
+        for number, one in enumerate(found):
+            met = branch_met(problem, one)
+            if met is not None:
+                others = [other for other in found[:number] if other.kind != "branching"]
+                left = [kind for kind in lost if kind != "branching"]
+                return Found(others, left, one.point, f"{MET[met]} {problem.at(one.point.u)}")
+        return Found(found, lost)
+
+    return search
 
 
 def _first_point(corrector: Corrector, first: np.ndarray, path: str) -> Point:

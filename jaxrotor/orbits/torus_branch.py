@@ -24,6 +24,7 @@ from ..equations.system import assemble, port_groups
 from ..scene import Scene
 from .balance import Balance
 from .bifurcations import root_between
+from .branch import AbstractBranch
 from .corrector import Point, StepError, Unknowns, newton
 from .disturbances import growth_along
 from .parameter_range import AbstractRanged, ParameterRange, own, range_of
@@ -92,7 +93,7 @@ class TorusCorrector(NamedTuple):
         return Point(u, along / np.linalg.norm(along), trial, count)
 
 
-class TorusBranch(eqx.Module):
+class TorusBranch(AbstractBranch):
     """`N` tori along a branch, at `s` stations, and the folds between them."""
 
     values: Float[np.ndarray, " N"]  # of the parameter, SI
@@ -105,16 +106,6 @@ class TorusBranch(eqx.Module):
     reasons: tuple[str, str] = eqx.field(static=True)  # why it ends, at its first and last point
     unknowns: Float[np.ndarray, "N b"]
     curve: TorusProblem
-
-    @property
-    def path(self) -> str:
-        """Path of the parameter."""
-        return self.curve.parameters[0].path
-
-    @property
-    def scene(self) -> Scene:
-        """The scene of the torus that the branch was begun with."""
-        return self.curve.scene
 
     @property
     def stable(self) -> Bool[np.ndarray, " N"]:
@@ -141,12 +132,7 @@ class TorusBranch(eqx.Module):
             f"[{self.scene.unit(self.path)}], {int(self.stable.sum())} stable"
         ]
         lines += [f"  {point.kind} at {point.value:.9g}" for point in self.points]
-        lines += [
-            f"  {kind} not located between {values[k]:.6g} and {values[k + 1]:.6g}"
-            for k, kind in self.unlocated
-        ]
-        lines += [f"  begins: {self.reasons[0]}", f"  ends: {self.reasons[1]}"]
-        return "\n".join(lines)
+        return "\n".join([*lines, *self.remarks])
 
 
 def branch_of_tori(
@@ -208,8 +194,17 @@ def branch_of_tori(
         folds.append(TorusFold("fold", value, after + one.fraction, *map(np.asarray, radii)))
     unknowns = np.stack([point.u for point in points])
     values = np.array([float(problem.values(one)[0]) for one in unknowns])
-    known = tuple(folds), tuple(lost), reasons
-    return TorusBranch(values, low, high, exponents, *known, unknowns, problem)
+    return TorusBranch(
+        values=values,
+        radius_min=low,
+        radius_max=high,
+        exponents=exponents,
+        points=tuple(folds),
+        unlocated=tuple(lost),
+        reasons=reasons,
+        unknowns=unknowns,
+        curve=problem,
+    )
 
 
 class _Fold(NamedTuple):

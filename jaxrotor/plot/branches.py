@@ -19,6 +19,7 @@ MARKERS = {  # kind of bifurcation: marker and colour
     "branching": ("x", colours.TEAL),
     "grazing": ("D", colours.TEAL),
 }
+CRITICAL = 1e-5  # distance of a multiplier from 1
 _OUTLINE: Any = [patheffects.withStroke(linewidth=2.6, foreground="white")]
 
 
@@ -30,37 +31,42 @@ def branch(
     station: int = 0,
     colour: str = colours.BLUE,
 ) -> Axes:
-    """Orbits of a branch against its parameter: stable ones solid, unstable dashed.
+    """Orbits of branches against their parameter: stable ones solid, unstable dashed.
 
     Args:
-        result: `jaxrotor.Branch`.
+        result: `jaxrotor.Branch`, or several of the same parameter, such as one and those that
+            `jaxrotor.switch` found at its flips.
         ax: Axes to draw in, which may hold other branches; a new figure if None.
         of: "radius", the largest at a station, or "whirl_rate".
         station: index of the station of the result.
-        colour: colour of the line.
+        colour: colour of the lines.
 
     Returns:
         The Axes, radius [mm] or whirl rate [1] over the parameter (in mm if it is a length).
 
     Raises:
-        ValueError: `of` is neither.
+        ValueError: `of` is neither, or the branches have different parameters.
     """
     if of not in ("radius", "whirl_rate"):
         raise ValueError(f"`of` must be 'radius' or 'whirl_rate', but is {of!r}.")
+    every = list(result) if isinstance(result, Sequence) else [result]
+    first = _alike(every, [one.path for one in every], "Branches", "parameter")
     ax = page.single(ax, 85, 65)
-    heights, marks, label = _heights(result, of, station)
-    factor, name = labels.parameter(labels.words(result.path), result.scene.unit(result.path))
-    places = np.arange(result.values.size), np.array([point.place for point in result.points])
-    at = factor * np.array([point.value for point in result.points])
-    line = (factor * result.values, at), (heights, marks), result.stable
-    _draw_through(ax, places, *line, colour, ("stable", "unstable"))
-    for kind in MARKERS:
-        here = np.array([point.kind == kind for point in result.points], bool)
-        if here.any():
-            _mark(ax, kind, at[here], marks[here], page.once(ax, _name(kind)))
-    if result.curve.parameters[0].decades:
+    factor, name = labels.parameter(labels.words(first.path), first.scene.unit(first.path))
+    scale, label = _height(every, of, station)
+    for one in every:
+        places = np.arange(one.values.size), np.array([point.place for point in one.points])
+        at = factor * np.array([point.value for point in one.points])
+        heights, marks = (scale * part for part in _heights(one, of, station))
+        line = (factor * one.values, at), (heights, marks), _stable(one)
+        _draw_through(ax, places, *line, colour, ("stable", "unstable"))
+        for kind in MARKERS:
+            here = np.array([point.kind == kind for point in one.points], bool)
+            if here.any():
+                _mark(ax, kind, at[here], marks[here], page.once(ax, _name(kind)))
+    if first.curve.parameters[0].decades:
         ax.set_xscale("log")
-    return page.finish(ax, name, label, columns=2, scene=result.scene)
+    return page.finish(ax, name, label, columns=2, scene=first.scene)
 
 
 def curves(result: Any, ax: Axes | None = None) -> Axes:
@@ -80,13 +86,8 @@ def curves(result: Any, ax: Axes | None = None) -> Axes:
         ValueError: the curves, or the Axes, have other parameters.
     """
     every = list(result) if isinstance(result, Sequence) else [result]
-    named = {curve.paths for curve in every}
-    if len(named) != 1:
-        told = ", ".join(" and ".join(paths) for paths in sorted(named)) or "none"
-        raise ValueError(
-            f"Curves in one picture have the same two parameters, but these have {told}."
-        )
-    first = every[0]
+    named = [" and ".join(curve.paths) for curve in every]
+    first = _alike(every, named, "Curves", "two parameters")
     scales = [labels.parameter(labels.words(path), first.scene.unit(path)) for path in first.paths]
     drawn_before = ax is not None and ax.has_data()
     ax = page.single(ax, 85, 65)
@@ -202,15 +203,37 @@ def _name(kind: str) -> str:
     return "Neimark-Sacker" if kind == "neimark-sacker" else kind
 
 
-def _heights(result: Any, of: str, station: int) -> tuple[np.ndarray, np.ndarray, str]:
-    """Heights of the points and of the bifurcations, and the axis label."""
+def _alike(every: list, named: list[str], what: str, shared: str) -> Any:
+    """The first of several results; raises unless all of them have the same parameters."""
+    if len(set(named)) != 1:
+        told = ", ".join(sorted(set(named))) or "none"
+        raise ValueError(f"{what} in one picture have the same {shared}, but these have {told}.")
+    return every[0]
+
+
+def _heights(result: Any, of: str, station: int) -> tuple[np.ndarray, np.ndarray]:
+    """Heights of the points and of the bifurcations, radii in m."""
     if of == "whirl_rate":
-        marks = np.array([point.whirl_rate for point in result.points])
-        return np.asarray(result.whirl_rate), marks, "whirl rate [1]"
-    radius = np.asarray(result.radius_max[:, station])
-    factor, unit = labels.length(radius)
+        return np.asarray(result.whirl_rate), np.array([one.whirl_rate for one in result.points])
     marks = np.array([point.radius_max[station] for point in result.points])
-    return factor * radius, factor * marks, f"largest radius [{unit}]"
+    return np.asarray(result.radius_max[:, station]), marks
+
+
+def _height(every: list, of: str, station: int) -> tuple[float, str]:
+    """Factor from SI to the unit drawn, and the axis label."""
+    if of == "whirl_rate":
+        return 1.0, "whirl rate [1]"
+    largest = max(np.max(one.radius_max[:, station]) for one in every)
+    factor, unit = labels.length(largest)
+    return factor, f"largest radius [{unit}]"
+
+
+def _stable(result: Any) -> np.ndarray:
+    """Whether the orbits are stable; NaN at a bifurcation where a branch begins."""
+    stable = np.array(result.stable, float)
+    if hasattr(result, "multipliers"):  # of tori there are none
+        stable[np.abs(result.multipliers - 1).min(axis=1) < CRITICAL] = np.nan
+    return stable
 
 
 def _between_bifurcations(kinds: np.ndarray, chosen: bool) -> Bool[np.ndarray, " n"]:

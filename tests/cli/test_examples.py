@@ -85,8 +85,15 @@ HELP = {"": examples(options.__doc__)}
 HELP |= {name: examples(loaded(name).help) for name in COMMANDS}
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("command", [name for name in HELP if name not in LONG])
+@pytest.mark.parametrize(
+    "command",
+    [
+        # A report of the compressor takes 45 s, and test_api.py writes one of a smaller rotor.
+        pytest.param(name, marks=pytest.mark.long if name == "api" else pytest.mark.slow)
+        for name in HELP
+        if name not in LONG
+    ],
+)
 def test_examples_of_help_run_in_order(command):
     assert HELP[command] or command == "scenes"
     for line in HELP[command]:

@@ -130,64 +130,6 @@ def test_orbits_of_the_branch_are_those_of_periodic(resonance):
     assert float(orbit.radius[1][0]) == resonance.radius_max[unstable, 0]
 
 
-@pytest.fixture(scope="module")
-def cascade():
-    """Branches of 1 and 2 revolutions of the biased resonance, the second from the flip of the first.
-
-    The page `docs/tutorials/bifurcation.md` goes on to 4 revolutions, and prints the flips.
-    """
-    spring, weight = jr.CubicSpring(0.5, 0.0, 1.0), jr.Gravity(1.0, angle=0.0)
-    options = {"damping": 0.2, "stiffness": 0.1, "speed": 1.0, "eccentricity": 1.1}
-    scene = one_disc(spring, weight, **options)
-    settled = jr.simulate(scene, 60, 128, keep=1)
-    orbit = jr.periodic(scene, settled, revolutions=1)
-    follow = lambda orbit: jr.continue_(orbit, "unbalance.eccentricity", (1.0, 1.45))
-    once = follow(orbit)
-    return once, follow(once.doubled(once.of("flip")[0]))
-
-
-@pytest.mark.slow
-def test_period_doubling_cascade(cascade):
-    """Two flips, by scipy."""
-    flips = [branch.of("flip")[0] for branch in cascade]
-    for count, (branch, flip) in enumerate(zip(cascade, flips, strict=True)):
-        start = along_x(branch.orbit(flip))
-        exact = Duffing(0.2, 0.1, 1.0).critical(start, flip.value, -1.0, 2**count)
-        assert flip.value == pytest.approx(exact, rel=1e-7)
-        assert branch.orbit(flip).revolutions == 2**count
-    before, after = flips[0].value, cascade[1]
-    assert before < flips[1].value
-    # the doubled branch begins where the one before flips, and is stable from there to its own flip
-    assert after.values.min() == pytest.approx(before, rel=1e-6)
-    assert any("orbits of half the period" in reason for reason in after.reasons)
-    settled = (after.values > before * (1 + 1e-6)) & (after.values < before + 1e-3)
-    assert settled.any() and after.stable[settled].all()
-
-
-@pytest.mark.slow
-def test_branchings_where_the_orbit_loses_its_symmetry():
-    """Half a revolution maps orbits to their mirror images; its derivative `D` there is 1, by scipy."""
-    scene = one_disc(jr.CubicSpring(0.5, 0.0, 1.0), damping=0.2, stiffness=0.1, speed=0.5)
-    orbit = jr.periodic(scene, jr.AtRest(), steps_per_revolution=512)
-    branch = jr.continue_(orbit, "unbalance.eccentricity", (0.05, 6.0))
-    assert [point.kind for point in branch.points] == ["branching", "branching"]
-    duffing = Duffing(0.2, 0.1, 0.0)
-
-    def residual(unknown):
-        *start, eccentricity = unknown
-        end, derivative = duffing.back(start, eccentricity, 0.5, 0.5)
-        return [*(end + start), np.linalg.det(derivative - np.eye(2))]
-
-    for point in branch.points:
-        start = along_x(branch.orbit(point))
-        exact = fsolve(residual, [*start, point.value], xtol=1e-13)
-        assert np.abs(residual(exact)).max() < 1e-9
-        assert point.value == pytest.approx(exact[2], rel=1e-7)
-    first, second = (point.place for point in branch.points)
-    place = np.arange(branch.values.size)
-    np.testing.assert_array_equal(branch.stable, (place < first) | (place > second))
-
-
 # === contact
 
 
@@ -420,8 +362,6 @@ def test_refusals(resonance):
         jr.continue_(orbit, "spin.speed", (0.4, 1.0), direction="left")
     with pytest.raises(ValueError, match="`step` must be above"):
         jr.continue_(orbit, "spin.speed", (0.4, 1.0), step=1.0)
-    with pytest.raises(ValueError, match="must be a point of the kind 'flip'"):
-        resonance.doubled(resonance.points[0])
 
 
 def test_where_it_stops_is_said(slow_orbit):
