@@ -205,12 +205,21 @@ def test_nodes_are_those_of_every_shaft():
     assert set(two().with_nodes(5).resolution) == {5}
 
 
-def test_a_mode_that_is_hardly_damped_is_no_rotor_without_damping():
-    """Supports damp the highest modes of dual-rotor by less than the rounding of their roots."""
+def test_modes_without_damping_are_told_from_those_that_are_not_resolved():
+    """Supports damp the highest modes of dual-rotor by less than the rounding of their roots.
+
+    A damper in the middle of a shaft between pins is at the node of every second mode.
+    """
+    with pytest.raises(ValueError, match="^The rotor never loses its stability from 0 to 100"):
+        jr.onset_speed(jr.load("dual-rotor"), (0.0, 100.0), 8)
+    pins = jr.Constraint(0.0), jr.Constraint(1.0)
+    shaft = jr.FlexibleShaft(1.0, 0.05, constraints=pins, nodes=4)
+    middle = jr.Disc(0.5, 5.0), jr.DiscDamping(0.5, 50.0)
+    noded = jr.Scene(shaft, *middle, spin=jr.ConstantSpeed(1.0))
     with pytest.raises(
         ValueError, match="^Some modes of the rotor have no damping beyond rounding"
     ):
-        jr.onset_speed(jr.load("dual-rotor"), (0.0, 100.0), 8)
+        jr.onset_speed(noded, (0.0, 100.0), 8)
     alone = jr.Scene(jr.MasslessShaft(1.0, 0.5, 1e6), jr.Disc(0.5, 1.0), spin=jr.ConstantSpeed(1.0))
     with pytest.raises(ValueError, match="^The rotor has no damping, so it is neither"):
         jr.onset_speed(alone, (0.0, 100.0), 8)

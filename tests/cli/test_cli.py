@@ -19,7 +19,7 @@ from typer.testing import CliRunner
 import jaxrotor as jr
 from jaxrotor import plot
 from jaxrotor.cli import app, main, run_up
-from jaxrotor.cli.answer import _plain
+from jaxrotor.core.plain import plain
 
 
 LENGTH, TIME, SPEED = 0.7, 0.022646559709295068, 662.3522597934992  # l, T*, N = 15
@@ -1123,7 +1123,7 @@ def test_json_is_valid():
         "c": np.int8(3),
         "d": (True,),
     }
-    assert _plain(values) == {
+    assert plain(values) == {
         "a": None,
         "b": [{"re": 1.0, "im": 2.0}, {"re": None, "im": 0.0}],
         "c": 3,
